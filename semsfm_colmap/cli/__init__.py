@@ -1,0 +1,1 @@
+"""The `semsfm` command: one thin module per subcommand."""

@@ -1,0 +1,1 @@
+"""The only home of pycolmap: database, sparse model, telecentric pinhole, reading back."""

@@ -1,0 +1,1 @@
+"""Complete-data factorization, camera basis constraints, affine polish, Euclidean upgrade."""

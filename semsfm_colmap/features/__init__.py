@@ -1,0 +1,1 @@
+"""Region detectors, descriptors and the registry of both."""

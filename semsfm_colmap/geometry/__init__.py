@@ -1,0 +1,1 @@
+"""Orthographic projection, rotations, affine epipolar geometry, alignment: plain numpy."""

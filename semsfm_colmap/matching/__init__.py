@@ -1,0 +1,1 @@
+"""Which pairs to match, affine verification and the paper's filters."""

@@ -1,0 +1,1 @@
+"""Triangulation, graduated filtering, bundle adjustment, covariance, depth reversal."""

@@ -1,0 +1,1 @@
+"""Normals, depth maps, fusion, ball pivoting and texture."""

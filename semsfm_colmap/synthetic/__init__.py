@@ -1,0 +1,1 @@
+"""Scenes and an SEM-like renderer with exact truth."""

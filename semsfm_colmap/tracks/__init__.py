@@ -1,0 +1,1 @@
+"""From verified pairs to tracks: the measurement matrix in COO form."""

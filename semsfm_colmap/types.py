@@ -1,0 +1,338 @@
+"""The types that travel between the stages: small, immutable, arrays read-only.
+
+Indices: image i < M, track j < N, observation row o < O. Coordinates ``xy`` are in px with
+COLMAP's origin (the centre of the first pixel is (0.5, 0.5)), x right, y down, z away from the
+viewer. Angles are radians. Units stand in the names: ``_px _um _rad _deg``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Generic, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
+
+T = TypeVar("T")
+
+
+class _Frozen:
+    """Make every array field read-only after construction."""
+
+    def __post_init__(self) -> None:
+        for f in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, f.name)
+            if isinstance(value, np.ndarray) and value.flags.writeable:
+                view = value.view()
+                view.flags.writeable = False
+                object.__setattr__(self, f.name, view)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SemMetadata:
+    """What the microscope recorded with an image; None where it recorded nothing."""
+
+    pixel_size_um: float | None = None
+    tilt_rad: float | None = None
+    stage_rotation_rad: float | None = None
+    scan_rotation_rad: float | None = None
+    stage_xyz_um: tuple[float, float, float] | None = None
+    working_distance_um: float | None = None
+    beam_energy_kev: float | None = None
+    magnification: float | None = None
+    instrument: str | None = None
+    detector: str | None = None
+    tilt_corrected: bool | None = None
+    source: Mapping[str, str] = field(default_factory=dict)
+    """For each recorded field, where its value came from, e.g. "CZ_SEM AP_IMAGE_PIXEL_SIZE"."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SemImage(_Frozen):
+    """One image in memory: 8-bit grey pixels (H, W), mask (H, W) True where usable."""
+
+    name: str
+    pixels: Array
+    mask: Bool | None = None
+    metadata: SemMetadata = field(default_factory=SemMetadata)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SemFrame:
+    """One prepared image on disk: its name below PROJECT/images and what is known about it."""
+
+    name: str
+    width_px: int
+    height_px: int
+    source_path: str
+    crop_px: tuple[int, int, int, int]
+    """(x0, y0, x1, y1) of the prepared image in the source image."""
+    metadata: SemMetadata = field(default_factory=SemMetadata)
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SemSeries:
+    """The prepared images in acquisition order and the pixel size of the series."""
+
+    frames: tuple[SemFrame, ...]
+    pixel_size_um: float | None = None
+    pixel_size_source: str = "none"
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Image names in acquisition order."""
+        return tuple(frame.name for frame in self.frames)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Features(_Frozen):
+    """Keypoints of one image, K of them."""
+
+    xy: Float
+    scale_px: Float
+    angle_rad: Float
+    affine_shape: Float
+    """(K, 2, 2): maps the unit circle of the normalised patch to the image, in px."""
+    response: Float
+    detector_id: Int
+    descriptors: Array
+    """(K, D)"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AffineTwoViewGeometry(_Frozen):
+    """Matches of one image pair and the affine epipolar geometry they agree on."""
+
+    image_pair: tuple[int, int]
+    keypoints: Int
+    """(L, 2) keypoint indices, one match a row."""
+    F: Float | None
+    """(3, 3), upper-left 2 x 2 block zero; None when no geometry was found."""
+    inlier: Bool
+    residual_px: Float
+    """(L,) signed distance to the epipolar constraint; nan without F."""
+    rejected_by: Mapping[str, int] = field(default_factory=dict)
+    """How many matches each filter dropped."""
+    failure: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observations(_Frozen):
+    """Image measurements of tracks in coordinate (COO) form, sorted by track, then image."""
+
+    image_idx: Int
+    track_idx: Int
+    keypoint_idx: Int
+    xy: Float
+    num_images: int
+    num_tracks: int
+
+    def __len__(self) -> int:
+        return len(self.image_idx)
+
+    def select(self, mask: Array) -> Observations:
+        """The observations where `mask` is True; images and tracks keep their numbers."""
+        return replace(
+            self,
+            image_idx=self.image_idx[mask],
+            track_idx=self.track_idx[mask],
+            keypoint_idx=self.keypoint_idx[mask],
+            xy=self.xy[mask],
+        )
+
+    def measurement_matrix(self) -> Float:
+        """The paper's M, (2 M, N), nan where a track is not seen: for small problems and tests."""
+        matrix = np.full((self.num_images, 2, self.num_tracks), np.nan)
+        matrix[self.image_idx, :, self.track_idx] = self.xy
+        return matrix.reshape(2 * self.num_images, self.num_tracks)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AffineModel(_Frozen):
+    """``xy = A[i] @ X[j] + t[i]``, determined up to a 3-D affinity."""
+
+    A: Float
+    t: Float
+    X: Float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OrthographicCameras(_Frozen):
+    """``xy = scale[i] * K2 @ (cam_from_world[i] @ X)[:2] + translation[i]``.
+
+    ``K2 = [[1, skew], [0, aspect]]`` is shared by all images.
+    """
+
+    cam_from_world: Float
+    """(M, 3, 3) rotations"""
+    scale_px_per_unit: Float
+    """(M,)"""
+    translation_px: Float
+    """(M, 2)"""
+    aspect: float = 1.0
+    skew: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.scale_px_per_unit)
+
+    @property
+    def K2(self) -> Float:
+        """(2, 2) shared affine intrinsics."""
+        return np.array([[1.0, self.skew], [0.0, self.aspect]])
+
+    @property
+    def projection(self) -> Float:
+        """(M, 2, 3) the linear part ``scale * K2 @ cam_from_world[:2]``."""
+        scaled = self.scale_px_per_unit[:, None, None] * (self.K2 @ self.cam_from_world[:, :2])
+        return np.asarray(scaled, dtype=np.float64)
+
+    @property
+    def viewing_direction(self) -> Float:
+        """(M, 3) unit vectors in the world, from the viewer into the scene."""
+        return np.asarray(self.cam_from_world[:, 2])
+
+    def project(self, points: Float, image_idx: Array) -> Float:
+        """Project ``points[o]`` into image ``image_idx[o]``: (O, 3), (O,) -> (O, 2) px."""
+        linear = np.einsum("oij,oj->oi", self.projection[image_idx], points)
+        return np.asarray(linear + self.translation_px[image_idx])
+
+    def select(self, image_idx: Array) -> OrthographicCameras:
+        """The cameras of some images, in the order given."""
+        return replace(
+            self,
+            cam_from_world=self.cam_from_world[image_idx],
+            scale_px_per_unit=self.scale_px_per_unit[image_idx],
+            translation_px=self.translation_px[image_idx],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthSign:
+    """Which of the two depth-reversed solutions the evidence supports, and how strongly."""
+
+    status: Literal["resolved", "ambiguous"]
+    confidence: float
+    """Probability that the model written first has the right hand, 0.5 to 1."""
+    evidence: Mapping[str, float] = field(default_factory=dict)
+    """For each cue, the probability it alone gives to the chosen hand."""
+    message: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reconstruction(_Frozen):
+    """Cameras, points and their observations: what the mapping stage hands on.
+
+    Images that could not be registered are not in it. Observations that some filter rejected stay,
+    with ``inlier`` False.
+    """
+
+    image_names: tuple[str, ...]
+    image_size_px: Int
+    """(M, 2) width, height"""
+    cameras: OrthographicCameras
+    points: Float
+    """(N, 3) in world units"""
+    observations: Observations
+    inlier: Bool
+    """(O,)"""
+    point_color: Array | None = None
+    """(N, 3) uint8"""
+    point_covariance: Float | None = None
+    """(N, 3, 3) in world units squared"""
+    sigma_rotation_rad: Float | None = None
+    """(M, 3) standard deviations about the camera's x, y, z"""
+    sigma_translation_px: Float | None = None
+    """(M, 2)"""
+    sigma_scale: Float | None = None
+    """(M,) relative"""
+    world_unit: Literal["px", "um"] = "px"
+    pixel_size_um: float | None = None
+    pixel_size_source: str = "none"
+    camera_model: str = "scaled_orthographic"
+    depth_sign: DepthSign = field(
+        default_factory=lambda: DepthSign(status="ambiguous", confidence=0.5)
+    )
+    gauge: str = ""
+
+    @property
+    def num_images(self) -> int:
+        """The number of registered images, M."""
+        return len(self.image_names)
+
+    def residuals(self) -> Float:
+        """(O, 2) px: predicted minus measured, for all observations."""
+        obs = self.observations
+        predicted = self.cameras.project(self.points[obs.track_idx], obs.image_idx)
+        return np.asarray(predicted - obs.xy)
+
+    def track_length(self) -> Int:
+        """(N,) inlier observations of each point."""
+        idx = self.observations.track_idx[self.inlier]
+        return np.bincount(idx, minlength=len(self.points)).astype(np.int64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthMap(_Frozen):
+    """Depth along the viewing direction for each pixel, nan where unknown."""
+
+    image_name: str
+    depth: Array
+    """(H, W) float32, ``z`` of the camera frame in world units (world origin has depth 0)"""
+    confidence: Array | None = None
+    """(H, W) float32 in 0..1"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointCloud(_Frozen):
+    """Points (N, 3) with optional unit normals (toward the viewer) and grey or rgb colours."""
+
+    points: Float
+    normals: Float | None = None
+    colors: Array | None = None
+    """(N, 3) uint8"""
+    sigma: Array | None = None
+    """(N,) standard deviation in world units"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TriangleMesh(_Frozen):
+    """Vertices (V, 3) in world units, faces (F, 3), counter-clockwise seen from outside."""
+
+    vertices: Float
+    faces: Int
+    vertex_normals: Float | None = None
+    vertex_colors: Array | None = None
+    """(V, 3) uint8"""
+    uv: Float | None = None
+    """(F, 3, 2) texture coordinates, origin bottom left"""
+    texture: Array | None = None
+    """(H, W, 3) uint8"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solution(Generic[T]):
+    """What a solver returns: the value, or the reason there is none.
+
+    ``status`` is "ok" or a short name of the failure; ``message`` says it in a sentence, with what
+    to try. ``costs`` holds the cost after each iteration.
+    """
+
+    value: T | None
+    status: str = "ok"
+    message: str = ""
+    iterations: int = 0
+    costs: tuple[float, ...] = ()
+    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def ok(self) -> bool:
+        """True when there is a value to go on with."""
+        return self.value is not None
