@@ -1,0 +1,141 @@
+"""The sparse points as an oriented cloud; merging points on a grid; smoothing along normals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.surface.normals import (
+    estimate_normals,
+    mean_viewing_direction,
+    nearest_neighbors,
+    statistical_inliers,
+)
+from semsfm_colmap.surface.options import SurfaceOptions
+from semsfm_colmap.types import Array, Float, Int, PointCloud, Reconstruction
+
+MIN_CLOUD_POINTS = 20
+"""Below this no plane fit, let alone a surface, means anything."""
+
+
+def sparse_cloud(reconstruction: Reconstruction, options: SurfaceOptions) -> PointCloud:
+    """The reconstructed points with normals toward the viewers, without stray points.
+
+    ``sigma`` is the root of the mean variance over the three directions, where a covariance is
+    known.
+    """
+    keep = reconstruction.track_length() >= options.min_track_length
+    keep &= np.isfinite(reconstruction.points).all(axis=1)
+    if keep.sum() < MIN_CLOUD_POINTS:
+        raise InputError(
+            f"Only {int(keep.sum())} points are seen in {options.min_track_length} or more images, "
+            f"too few for a surface: match more images, or lower surface.min_track_length."
+        )
+    idx = np.flatnonzero(keep)
+    idx = idx[
+        statistical_inliers(
+            reconstruction.points[idx], options.num_outlier_neighbors, options.max_outlier_sigma
+        )
+    ]
+    points = np.array(reconstruction.points[idx])
+    direction = mean_viewing_direction(reconstruction)[idx]
+    sigma = None
+    if reconstruction.point_covariance is not None:
+        trace = np.trace(reconstruction.point_covariance[idx], axis1=1, axis2=2)
+        sigma = np.sqrt(trace / 3.0)
+    color = reconstruction.point_color
+    return PointCloud(
+        points=points,
+        normals=estimate_normals(points, direction, options.num_normal_neighbors),
+        colors=None if color is None else np.asarray(color[idx], dtype=np.uint8),
+        sigma=sigma,
+    )
+
+
+def select(cloud: PointCloud, keep: Array) -> PointCloud:
+    """The points of a mask or an index array."""
+    return PointCloud(
+        points=cloud.points[keep],
+        normals=None if cloud.normals is None else cloud.normals[keep],
+        colors=None if cloud.colors is None else cloud.colors[keep],
+        sigma=None if cloud.sigma is None else cloud.sigma[keep],
+    )
+
+
+def concatenate(first: PointCloud, second: PointCloud) -> PointCloud:
+    """Both clouds in one; an attribute survives when both have it."""
+
+    def join(a: Array | None, b: Array | None) -> Array | None:
+        return None if a is None or b is None else np.concatenate([a, b])
+
+    return PointCloud(
+        points=np.concatenate([first.points, second.points]),
+        normals=join(first.normals, second.normals),
+        colors=join(first.colors, second.colors),
+        sigma=join(first.sigma, second.sigma),
+    )
+
+
+def voxel_groups(points: Float, size: float) -> tuple[Int, int]:
+    """The occupied cell of each point on a grid: (N,) cell numbers from 0, and their count."""
+    cell = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
+    extent = cell.max(axis=0) + 1
+    key = (cell[:, 0] * extent[1] + cell[:, 1]) * extent[2] + cell[:, 2]
+    unique, group = np.unique(key, return_inverse=True)
+    return np.asarray(group, dtype=np.int64).reshape(-1), len(unique)
+
+
+def thin(cloud: PointCloud, size: float) -> PointCloud:
+    """One point per grid cell: the mean of position, normal and colour of the points in it.
+
+    ``sigma`` becomes the root mean square: the errors of neighbouring points are correlated, so
+    averaging is not credited with a gain.
+    """
+    if len(cloud.points) == 0 or size <= 0:
+        return cloud
+    group, num = voxel_groups(cloud.points, size)
+    count = np.bincount(group, minlength=num)[:, None]
+
+    def mean(values: Array) -> Float:
+        columns = [np.bincount(group, weights=c, minlength=num) for c in values.T.astype(float)]
+        return np.asarray(np.stack(columns, axis=1) / count)
+
+    normals = None
+    if cloud.normals is not None:
+        normals = mean(cloud.normals)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return PointCloud(
+        points=mean(cloud.points),
+        normals=normals,
+        colors=None
+        if cloud.colors is None
+        else np.clip(np.rint(mean(cloud.colors)), 0, 255).astype(np.uint8),
+        sigma=None if cloud.sigma is None else np.sqrt(mean(cloud.sigma[:, None] ** 2)[:, 0]),
+    )
+
+
+def smooth_along_normals(cloud: PointCloud, num_neighbors: int, num_iterations: int) -> PointCloud:
+    """Move each point along its normal onto the surface of its neighbours.
+
+    ``x <- x + n sum_k w_k (p_k - x) . (n + n_k) / 2 / sum_k w_k`` with ``w_k = exp(-r_k^2 / 2 h^2)
+    max(0, n . n_k)^2``, h half the distance to the farthest neighbour. The mean of the two normals
+    makes the offset vanish on a sphere, where ``n`` alone would shrink the surface by its
+    curvature. The other side of a thin sheet, whose normals point the other way, has no say.
+    Points do not slide along the surface.
+    """
+    if cloud.normals is None or num_iterations <= 0 or len(cloud.points) <= num_neighbors:
+        return cloud
+    points, normals = np.array(cloud.points), np.array(cloud.normals)
+    for _ in range(num_iterations):
+        distance, idx = nearest_neighbors(points, num_neighbors)
+        h = 0.5 * distance[:, -1:] + 1e-300
+        agreement = np.maximum(np.einsum("nki,ni->nk", normals[idx], normals), 0.0)
+        weight = np.exp(-0.5 * (distance / h) ** 2) * agreement**2
+        between = 0.5 * (normals[idx] + normals[:, None])
+        offset = np.einsum("nki,nki->nk", points[idx] - points[:, None], between)
+        total = weight.sum(axis=1) + 1.0
+        step = (weight * offset).sum(axis=1) / total
+        mean_normal = np.einsum("nk,nki->ni", weight, normals[idx]) + normals
+        points += step[:, None] * normals
+        normals = mean_normal / np.linalg.norm(mean_normal, axis=1, keepdims=True)
+    return PointCloud(points=points, normals=normals, colors=cloud.colors, sigma=cloud.sigma)

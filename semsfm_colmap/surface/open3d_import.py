@@ -1,0 +1,34 @@
+"""The one place that imports open3d, so that a missing system library is said in one sentence."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from semsfm_colmap.errors import MissingDependencyError
+
+DEBIAN_PACKAGES = "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0 libgomp1"
+"""What the open3d wheel links against and a bare Debian image may lack."""
+
+
+def import_open3d() -> Any:
+    """The module open3d.
+
+    Raises
+    ------
+    MissingDependencyError
+        When the package, or a system library that its wheel links against, is missing.
+    """
+    try:
+        return importlib.import_module("open3d")
+    except ModuleNotFoundError as error:
+        if error.name != "open3d":
+            raise
+        message = "Meshing needs open3d, which is not installed: run `pip install open3d-cpu`."
+        raise MissingDependencyError(message) from error
+    except (ImportError, OSError) as error:
+        reason = str(error).splitlines()[0].rstrip(".") if str(error) else type(error).__name__
+        raise MissingDependencyError(
+            f"open3d is installed but does not load ({reason}): on Debian or Ubuntu run "
+            f"`apt-get install {DEBIAN_PACKAGES}`."
+        ) from error
