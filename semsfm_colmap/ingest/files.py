@@ -1,0 +1,107 @@
+"""Find the images of a series: recursive, in natural order, safe from loops and odd names."""
+
+from __future__ import annotations
+
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+from semsfm_colmap.errors import UsageError
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+MASKS_FOLDER = "masks"
+PROJECT_FOLDERS = ("images", "masks", "sparse", "dense", "mesh", "report")
+"""What a project holds: never taken for a source when the project lies inside the image folder."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundImages:
+    """Image files below a folder, as names relative to it with forward slashes."""
+
+    root: Path
+    names: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def find_images(image_path: Path, project_path: Path | None = None) -> FoundImages:
+    """List the image files below `image_path` in natural order (2 before 10).
+
+    Folders are followed through symbolic links, each real folder once, so that a loop ends.
+    Hidden files, a folder ``masks`` and the outputs of the project are not images of the series.
+    """
+    from natsort import natsorted
+
+    check_image_path(image_path)
+    skip = {(project_path / name).resolve() for name in PROJECT_FOLDERS} if project_path else set()
+    names: list[str] = []
+    warnings: list[str] = []
+    seen: set[tuple[int, int]] = set()
+
+    def unreadable(error: OSError) -> None:
+        warnings.append(f"{error.filename}: the folder cannot be read ({error.strerror}); skipped.")
+
+    for folder, folders, files in os.walk(image_path, followlinks=True, onerror=unreadable):
+        status = os.stat(folder)
+        if (status.st_dev, status.st_ino) in seen:
+            folders.clear()
+            continue
+        seen.add((status.st_dev, status.st_ino))
+        at_top = Path(folder) == image_path
+        folders[:] = sorted(
+            name
+            for name in folders
+            if not name.startswith(".")
+            and not (at_top and name == MASKS_FOLDER)
+            and Path(folder, name).resolve() not in skip
+        )
+        for file in files:
+            if file.startswith(".") or not file.lower().endswith(IMAGE_SUFFIXES):
+                continue
+            name = Path(folder, file).relative_to(image_path).as_posix()
+            reason = _why_not(Path(folder, file), name)
+            if reason:
+                warnings.append(f"{_printable(name)}: {reason}")
+            else:
+                names.append(name)
+    return FoundImages(
+        root=image_path, names=tuple(natsorted(names)), warnings=tuple(sorted(warnings))
+    )
+
+
+def check_image_path(image_path: Path) -> None:
+    """Refuse what is not a folder that can be listed."""
+    if not image_path.exists():
+        raise UsageError(f"{image_path} does not exist; give the folder that holds the images.")
+    if not image_path.is_dir():
+        raise UsageError(f"{image_path} is not a folder; give the folder that holds the images.")
+    if not os.access(image_path, os.R_OK | os.X_OK):
+        raise UsageError(f"{image_path} cannot be read: permission denied; change its permissions.")
+
+
+def _why_not(path: Path, name: str) -> str | None:
+    """The reason a directory entry with an image's suffix is not an image of the series."""
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError:
+        return "the name is not valid UTF-8, which COLMAP needs; left out, rename the file."
+    if any(ord(c) < 32 or ord(c) == 127 for c in name):
+        return "the name has control characters; left out, rename the file."
+    try:
+        status = path.stat()
+    except OSError as error:
+        return f"a link that leads nowhere ({error.strerror}); left out."
+    if not stat.S_ISREG(status.st_mode):
+        return "not a regular file; left out."
+    return None
+
+
+def _printable(name: str) -> str:
+    return (
+        name.encode("utf-8", "backslashreplace")
+        .decode("utf-8")
+        .encode("unicode_escape")
+        .decode("ascii")
+        if not name.isprintable()
+        else name
+    )

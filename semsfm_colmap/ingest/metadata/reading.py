@@ -1,0 +1,49 @@
+"""Collect values with their sources: what every vendor's reader returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from semsfm_colmap.types import SemMetadata
+
+
+@dataclass(frozen=True, kw_only=True)
+class MetadataReading:
+    """Metadata of one file, what the vendor says about the databar, and what is odd."""
+
+    metadata: SemMetadata = field(default_factory=SemMetadata)
+    vendor: str = ""
+    image_rows: int | None = None
+    """Rows of the image proper where the vendor states that a databar is below them."""
+    warnings: tuple[str, ...] = ()
+
+
+class Collector:
+    """Builds a `SemMetadata`: the first value of a field wins, each with its source."""
+
+    def __init__(self, vendor: str) -> None:
+        self.vendor = vendor
+        self.values: dict[str, Any] = {}
+        self.source: dict[str, str] = {}
+        self.warnings: list[str] = []
+        self.image_rows: int | None = None
+
+    def put(self, field_name: str, value: Any, source: str) -> None:
+        """Keep a value unless it is None or the field has one."""
+        if value is not None and field_name not in self.values:
+            self.values[field_name] = value
+            self.source[field_name] = source
+
+    def warn(self, sentence: str) -> None:
+        """Note something the user should know about this file."""
+        self.warnings.append(sentence)
+
+    def reading(self) -> MetadataReading:
+        """What was collected."""
+        return MetadataReading(
+            metadata=SemMetadata(**self.values, source=dict(self.source)),
+            vendor=self.vendor,
+            image_rows=self.image_rows,
+            warnings=tuple(self.warnings),
+        )

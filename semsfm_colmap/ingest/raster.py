@@ -1,0 +1,304 @@
+"""Pixels of one file as a grey array, after its header has been checked.
+
+The content decides the format, not the suffix. Nothing is decoded before the header's width and
+height are known to be below the limit, so that a hostile or broken header takes no memory.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.types import Array, Float
+
+MAX_PAGES = 32
+"""Pages of a TIFF looked at to find the first full-size one."""
+LUMA = (0.299, 0.587, 0.114)
+"""Rec. 601 weights; they sum to 1, so that grey stored as RGB comes out unchanged."""
+SUFFIXES = {
+    "png": (".png",),
+    "jpeg": (".jpg", ".jpeg"),
+    "tiff": (".tif", ".tiff"),
+    "bmp": (".bmp",),
+}
+_MAGIC = (
+    (b"\x89PNG\r\n\x1a\n", "png"),
+    (b"\xff\xd8\xff", "jpeg"),
+    (b"II*\x00", "tiff"),
+    (b"MM\x00*", "tiff"),
+    (b"II+\x00", "tiff"),
+    (b"MM\x00+", "tiff"),
+    (b"BM", "bmp"),
+)
+
+
+class UnreadableImageError(InputError):
+    """One file cannot be used; the message is the sentence to show, without the file's name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageHeader:
+    """What the header of a file says about its pixels."""
+
+    format: str
+    width: int
+    height: int
+    bits: int
+    channels: int
+    page: int = 0
+    """The page of a TIFF that holds the image."""
+    num_pages: int = 1
+    orientation: int = 1
+    """EXIF orientation; 1 = as stored."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RawImage:
+    """Grey pixels (H, W) in the stored depth: uint8, uint16, uint32 or float32."""
+
+    pixels: Array
+    header: ImageHeader
+    plain: bool
+    """True when the file already holds these very pixels as 8-bit grey."""
+    invalid: Array | None = None
+    """(H, W) True where the file holds nan or infinity; None if nowhere."""
+
+
+def read_header(path: Path, max_pixels: int) -> ImageHeader:
+    """Format, size and depth from the first bytes of a file."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(16)
+    except OSError as error:
+        raise UnreadableImageError(
+            f"cannot be opened ({error.strerror}); check its permissions."
+        ) from error
+    if not start:
+        raise UnreadableImageError("the file is empty; copy it again from the microscope.")
+    kind = next((name for magic, name in _MAGIC if start.startswith(magic)), None)
+    if kind is None:
+        raise UnreadableImageError("is not a PNG, JPEG, TIFF or BMP image, whatever its suffix.")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            header = _tiff_header(path) if kind == "tiff" else _pillow_header(path, kind)
+    except InputError:
+        raise
+    except Exception as error:  # a hostile header may raise anything
+        raise UnreadableImageError(f"the header is damaged ({_short(error)}).") from error
+    if header.width < 1 or header.height < 1:
+        raise UnreadableImageError(f"the header says {header.width} x {header.height} pixels.")
+    if header.width * header.height > max_pixels:
+        raise UnreadableImageError(
+            f"the header says {header.width} x {header.height} pixels, more than the limit of "
+            f"{max_pixels}; raise max_image_pixels if that is true."
+        )
+    return header
+
+
+def read_pixels(path: Path, header: ImageHeader) -> RawImage:
+    """Decode the image that `header` describes to grey."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if header.format == "tiff":
+                array, plain = _decode_tiff(path, header)
+            elif header.format == "png" and header.bits == 16:
+                array, plain = _decode_png16(path), False
+            else:
+                array, plain = _decode_pillow(path, header)
+    except InputError:
+        raise
+    except MemoryError as error:
+        raise UnreadableImageError(
+            f"{header.width} x {header.height} pixels do not fit into memory."
+        ) from error
+    except Exception as error:  # damaged data may raise anything
+        raise UnreadableImageError(
+            f"the pixels cannot be decoded ({_short(error)}); the file is damaged or truncated."
+        ) from error
+    grey = _to_grey(array)
+    if grey.shape != (header.height, header.width):
+        raise UnreadableImageError(
+            f"{grey.shape[::-1]} pixels were decoded but the header says "
+            f"{(header.width, header.height)}."
+        )
+    invalid = None
+    if grey.dtype.kind == "f":
+        finite = np.isfinite(grey)
+        if not finite.all():
+            if not finite.any():
+                raise UnreadableImageError("every pixel is nan or infinite.")
+            invalid = ~finite
+            grey = np.where(finite, grey, grey[finite].min())
+    if header.orientation != 1:
+        grey = _oriented(grey, header.orientation)
+        invalid = None if invalid is None else _oriented(invalid, header.orientation)
+        plain = False
+    return RawImage(pixels=grey, header=header, plain=plain, invalid=invalid)
+
+
+def suffix_matches(path: Path, header: ImageHeader) -> bool:
+    """Whether the suffix of a file says what its content is."""
+    return path.suffix.lower() in SUFFIXES[header.format]
+
+
+def _short(error: Exception) -> str:
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 120 else text[:117] + "..."
+
+
+def _pillow_header(path: Path, kind: str) -> ImageHeader:
+    from PIL import Image
+
+    with Image.open(path, formats=[kind]) as image:
+        width, height = image.size
+        bits = 8
+        if kind == "png":
+            with path.open("rb") as file:
+                bits = file.read(25)[24]
+        orientation = int(image.getexif().get(274, 1)) if kind == "jpeg" else 1
+        return ImageHeader(
+            format=kind,
+            width=width,
+            height=height,
+            bits=max(bits, 8),
+            channels=len(image.getbands()),
+            orientation=orientation if 1 <= orientation <= 8 else 1,
+        )
+
+
+def _decode_pillow(path: Path, header: ImageHeader) -> tuple[Array, bool]:
+    from PIL import Image
+
+    with Image.open(path, formats=[header.format]) as image:
+        image.load()
+        plain = image.mode == "L" or (header.format == "jpeg" and image.mode == "RGB")
+        if image.mode in ("L", "RGB"):
+            return np.asarray(image), plain
+        if image.mode == "LA":
+            return np.asarray(image)[..., 0], False
+        if image.mode == "I;16":
+            return np.asarray(image, dtype=np.uint16), False
+        return np.asarray(image.convert("RGB")), False
+
+
+def _decode_png16(path: Path) -> Array:
+    import imagecodecs
+
+    return np.asarray(imagecodecs.png_decode(path.read_bytes()))
+
+
+def open_tiff(path: Path) -> Any:
+    """A tifffile.TiffFile that keeps its complaints about broken tags to itself."""
+    import tifffile
+
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)
+    return tifffile.TiffFile(path)
+
+
+def _tiff_header(path: Path) -> ImageHeader:
+    with open_tiff(path) as tiff:
+        pages = []
+        for index in range(MAX_PAGES):
+            try:
+                pages.append(tiff.pages[index])
+            except IndexError:
+                break
+        if not pages:
+            raise UnreadableImageError("the TIFF holds no image.")
+        best = _full_size_page(pages)
+        page = pages[best]
+        return ImageHeader(
+            format="tiff",
+            width=int(page.imagewidth),
+            height=int(page.imagelength),
+            bits=int(page.bitspersample),
+            channels=int(page.samplesperpixel),
+            page=best,
+            num_pages=len(pages),
+        )
+
+
+def _full_size_page(pages: list[Any]) -> int:
+    """The first page that is neither marked as reduced nor smaller than another one."""
+    area = [
+        0 if page.is_reduced else int(page.imagewidth) * int(page.imagelength) for page in pages
+    ]
+    return int(np.argmax(area))
+
+
+def _decode_tiff(path: Path, header: ImageHeader) -> tuple[Array, bool]:
+    with open_tiff(path) as tiff:
+        page = tiff.pages[header.page]
+        if int(page.imagedepth) != 1:
+            raise UnreadableImageError("the TIFF holds a volume, not an image.")
+        stored = int(sum(page.databytecounts))
+        array = np.asarray(page.asarray(maxworkers=1))
+        if stored == 0:
+            raise UnreadableImageError("the TIFF holds no pixels.")
+        if array.ndim == 3 and int(page.planarconfig) == 2:
+            array = np.moveaxis(array, 0, -1)
+        photometric = int(page.photometric)
+        if photometric == 3 and page.colormap is not None:
+            return _apply_palette(array, np.asarray(page.colormap)), False
+        if array.dtype == np.bool_:
+            array = array.astype(np.uint8) * 255
+        if photometric == 0 and array.dtype.kind == "u":
+            array = np.iinfo(array.dtype).max - array
+        return array, False
+
+
+def _apply_palette(index: Array, colormap: Array) -> Array:
+    """Colours (3, 2^bits) of 16 bits looked up and reduced to 8."""
+    if colormap.ndim != 2 or index.max(initial=0) >= colormap.shape[1]:
+        raise UnreadableImageError("the TIFF's palette is shorter than its pixel values.")
+    return np.asarray((colormap.astype(np.uint16) >> 8).astype(np.uint8).T[index])
+
+
+def _to_grey(array: Array) -> Array:
+    """(H, W), (H, W, 1..4) of any depth -> (H, W) uint8, uint16, uint32 or float32."""
+    if array.ndim == 3:
+        channels = array.shape[2]
+        if channels >= 3:
+            colour = array[..., :3]
+            if np.array_equal(colour[..., 0], colour[..., 1]) and np.array_equal(
+                colour[..., 0], colour[..., 2]
+            ):
+                array = colour[..., 0]
+            else:
+                luma: Float = colour.astype(np.float64) @ np.array(LUMA)
+                kind = array.dtype
+                array = np.rint(luma).astype(kind) if kind.kind in "ui" else luma
+        elif channels >= 1:
+            array = array[..., 0]
+    if array.ndim != 2:
+        raise UnreadableImageError(f"pixels of shape {array.shape} are not an image.")
+    if array.dtype in (np.uint8, np.uint16, np.uint32):
+        return array
+    if array.dtype.kind == "i":
+        unsigned = np.dtype(f"u{array.dtype.itemsize}")
+        return _to_grey((array.astype(np.int64) - array.min()).astype(unsigned))
+    if array.dtype.kind in "uf":
+        with np.errstate(over="ignore"):
+            return array.astype(np.float32)
+    raise UnreadableImageError(f"pixels of type {array.dtype} are not grey values.")
+
+
+def _oriented(array: Array, orientation: int) -> Array:
+    """Undo an EXIF orientation (1 to 8)."""
+    if orientation in (5, 6, 7, 8):
+        array = array.T
+        return {
+            5: array,
+            6: array[:, ::-1],
+            7: array[::-1, ::-1],
+            8: array[::-1],
+        }[orientation]
+    return {2: array[:, ::-1], 3: array[::-1, ::-1], 4: array[::-1]}.get(orientation, array)

@@ -1,0 +1,185 @@
+"""First pass over the images: what each file holds and which part of it is image."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from semsfm_colmap.errors import UsageError
+from semsfm_colmap.ingest.databar import agree_on_databar, find_databar
+from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
+from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.raster import (
+    ImageHeader,
+    RawImage,
+    UnreadableImageError,
+    read_header,
+    read_pixels,
+    suffix_matches,
+)
+
+MIN_SIDE_PX = 32
+"""Images smaller than this after cropping hold no features."""
+
+Progress = Callable[[int, int], None]
+Crop = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceImage:
+    """One readable source file and the part of it to keep."""
+
+    name: str
+    path: Path
+    header: ImageHeader
+    size: tuple[int, int]
+    """(width, height) as shown, after the file's orientation."""
+    reading: MetadataReading
+    databar_row: int | None = None
+    crop: Crop = (0, 0, 0, 0)
+    warnings: tuple[str, ...] = ()
+
+    def warn(self, sentence: str) -> SourceImage:
+        """The same image with one more warning."""
+        return replace(self, warnings=(*self.warnings, sentence))
+
+
+def scan_images(
+    root: Path, names: Sequence[str], options: IngestOptions, progress: Progress | None = None
+) -> tuple[list[SourceImage], list[str]]:
+    """Read every file once; files that cannot be used become sentences."""
+    images: list[SourceImage] = []
+    problems: list[str] = []
+    for count, name in enumerate(names):
+        path = root / name
+        try:
+            image, _ = scan_image(path, name, options)
+            images.append(image)
+        except UnreadableImageError as error:
+            problems.append(f"{name}: {error} Left out.")
+        if progress:
+            progress(count + 1, len(names))
+    return images, problems
+
+
+def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceImage, RawImage]:
+    """Header, metadata and databar of one file, with its pixels."""
+    header = read_header(path, options.max_image_pixels)
+    raw = read_pixels(path, header)
+    low, high = raw.pixels.min(), raw.pixels.max()
+    if low == high:
+        raise UnreadableImageError(f"every pixel has the value {low:g}, there is nothing to see.")
+    reading = read_metadata(path, header)
+    warnings = list(reading.warnings)
+    if not suffix_matches(path, header):
+        warnings.append(f"the content is {header.format.upper()}, not what the suffix says")
+    if header.orientation != 1:
+        warnings.append(
+            f"the file asks to be shown turned (orientation {header.orientation}): done so, "
+            "its tilt axis is turned too"
+        )
+    if raw.invalid is not None:
+        warnings.append(
+            f"{int(raw.invalid.sum())} pixels are nan or infinite: set to the darkest value"
+        )
+    height, width = raw.pixels.shape
+    row = None
+    if options.crop is None and options.detect_databar:
+        row, warning = _databar_row(raw, reading)
+        warnings.extend([warning] if warning else [])
+    image = SourceImage(
+        name=name,
+        path=path,
+        header=header,
+        size=(width, height),
+        reading=reading,
+        databar_row=row,
+        crop=(0, 0, width, height if row is None else row),
+        warnings=tuple(warnings),
+    )
+    return image, raw
+
+
+def choose_crops(
+    images: Sequence[SourceImage], options: IngestOptions
+) -> tuple[list[SourceImage], list[str]]:
+    """Settle the crop of every image: the option, or what the frames of one size agree on."""
+    chosen: list[SourceImage] = []
+    problems: list[str] = []
+    groups: dict[tuple[int, int], list[int | None]] = defaultdict(list)
+    for image in images:
+        groups[image.size].append(image.databar_row)
+    agreed = {size: agree_on_databar(rows) for size, rows in groups.items()}
+    for image in images:
+        width, height = image.size
+        if options.crop is not None:
+            crop = check_crop(options.crop)
+            if crop[2] > width or crop[3] > height:
+                problems.append(
+                    f"{image.name}: the crop {crop} reaches beyond its {width} x {height} pixels. "
+                    "Left out."
+                )
+                continue
+        else:
+            row = agreed[image.size]
+            if image.databar_row not in (row, None):
+                image = image.warn(
+                    f"a databar seems to start at row {image.databar_row}, unlike in the other "
+                    "images of this size; give crop if so"
+                )
+            crop = (0, 0, width, height if row is None else row)
+        if min(crop[2] - crop[0], crop[3] - crop[1]) < MIN_SIDE_PX:
+            problems.append(
+                f"{image.name}: {crop[2] - crop[0]} x {crop[3] - crop[1]} pixels are too few, "
+                f"{MIN_SIDE_PX} a side are needed. Left out."
+            )
+            continue
+        chosen.append(replace(image, crop=crop))
+    return chosen, [*problems, *_size_warnings(chosen)]
+
+
+def check_crop(crop: tuple[int, int, int, int]) -> Crop:
+    """Refuse a crop that is empty or reversed."""
+    x0, y0, x1, y1 = crop
+    if not (0 <= x0 < x1 and 0 <= y0 < y1):
+        raise UsageError(f"{crop=} but expected x0 y0 x1 y1 with 0 <= x0 < x1 and 0 <= y0 < y1.")
+    return crop
+
+
+def _databar_row(raw: RawImage, reading: MetadataReading) -> tuple[int | None, str | None]:
+    """The databar's first row from the pixels, checked against what the vendor says."""
+    seen = find_databar(raw.pixels, lossy=raw.header.format == "jpeg")
+    said = reading.image_rows
+    if said is None or seen == said:
+        return seen, None
+    if seen is None:
+        return said, None
+    return seen, f"a databar was found at row {seen} but the header says {said}; the former is used"
+
+
+def _size_warnings(images: Sequence[SourceImage]) -> list[str]:
+    """One sentence for every size that is not the most frequent one."""
+    sizes = Counter((i.crop[2] - i.crop[0], i.crop[3] - i.crop[1]) for i in images)
+    if len(sizes) < 2:
+        return []
+    (width, height), count = sizes.most_common(1)[0]
+    warnings = []
+    for size in sizes:
+        if size != (width, height):
+            names = [
+                i.name for i in images if (i.crop[2] - i.crop[0], i.crop[3] - i.crop[1]) == size
+            ]
+            warnings.append(
+                f"{abbreviate(names)}: {size[0]} x {size[1]} pixels but {count} images have "
+                f"{width} x {height}; kept, check that they belong to the series."
+            )
+    return warnings
+
+
+def abbreviate(names: Sequence[str], limit: int = 3) -> str:
+    """``a, b, c and 5 more``."""
+    if len(names) <= limit:
+        return ", ".join(names)
+    return f"{', '.join(names[:limit])} and {len(names) - limit} more"

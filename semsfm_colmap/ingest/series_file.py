@@ -1,0 +1,98 @@
+"""PROJECT/series.json: the prepared series on disk, read back exactly."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.ingest.output import write_atomic
+from semsfm_colmap.types import SemFrame, SemMetadata, SemSeries
+
+FORMAT = "semsfm-series"
+VERSION = 1
+SERIES_FILE = "series.json"
+
+
+def write_series(series: SemSeries, path: Path, *, masks: tuple[str, ...] = ()) -> None:
+    """Write a series; `masks` are the mask files the stage wrote, so that it can remove them."""
+    content = {
+        "format": FORMAT,
+        "version": VERSION,
+        **asdict(series),
+        "written_masks": list(masks),
+    }
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+    write_atomic(path, (text + "\n").encode())
+
+
+def read_series(path: Path) -> SemSeries:
+    """Read what `write_series` wrote."""
+    content = _load(path)
+    try:
+        return SemSeries(
+            **{
+                **_known(SemSeries, content),
+                "frames": tuple(_frame(frame) for frame in content["frames"]),
+                "warnings": tuple(content["warnings"]),
+            }
+        )
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{path} is damaged ({type(error).__name__}: {error}); prepare the images again."
+        ) from error
+
+
+def read_written_files(path: Path) -> tuple[set[str], set[str]]:
+    """Names of the images and masks an earlier run wrote; empty where there was none."""
+    try:
+        content = _load(path)
+        return (
+            {str(frame["name"]) for frame in content["frames"]},
+            {str(name) for name in content.get("written_masks", ())},
+        )
+    except (InputError, KeyError, TypeError):
+        return set(), set()
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read ({error.strerror}); prepare the images first."
+        ) from error
+    except ValueError as error:
+        raise InputError(
+            f"{path} is not valid JSON ({error}); prepare the images again."
+        ) from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InputError(f"{path} is not a series file; prepare the images again.")
+    if content.get("version") != VERSION:
+        raise InputError(
+            f"{path} has version {content.get('version')} but {VERSION} is known; "
+            "prepare the images again."
+        )
+    return content
+
+
+def _known(kind: type, content: Mapping[str, Any]) -> dict[str, Any]:
+    names = {f.name for f in fields(kind)}
+    return {key: value for key, value in content.items() if key in names}
+
+
+def _frame(content: Mapping[str, Any]) -> SemFrame:
+    metadata = _known(SemMetadata, content["metadata"])
+    if metadata.get("stage_xyz_um") is not None:
+        metadata["stage_xyz_um"] = tuple(metadata["stage_xyz_um"])
+    return SemFrame(
+        **{
+            **_known(SemFrame, content),
+            "crop_px": tuple(content["crop_px"]),
+            "metadata": SemMetadata(**metadata),
+            "warnings": tuple(content["warnings"]),
+        }
+    )
