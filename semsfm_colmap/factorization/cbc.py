@@ -1,0 +1,240 @@
+"""Camera basis constraints [Tardif et al., CVPR 2007; paper, equations 7-19].
+
+Each complete block k, centred, has a rank-3 basis U_k of its rows' column space. The joint
+projection matrix Pi (2 M, 3) must satisfy ``Pi_k = U_k Z_k`` for unknown Z_k. Eliminating the Z_k
+leaves
+
+    min_Pi  sum_k w_k | (I - U_k U_k^T) Pi_k |^2 ,
+
+a sparse symmetric matrix of size 2 M whose three smallest eigenvectors are the cameras, up to a
+common 3-D affinity. More than three (nearly) zero eigenvalues mean that the blocks do not tie all
+images together. The translations then follow from the block means by one linear system.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from semsfm_colmap.factorization.blocks import Block
+from semsfm_colmap.factorization.options import FactorizationOptions
+from semsfm_colmap.types import AffineModel, Float, Int, Solution
+
+DENSE_EIGEN_LIMIT = 3000
+"""Up to so many rows the eigenvectors come from a dense decomposition."""
+NULL_EIGENVALUE = 1e-9
+"""Eigenvalues of the normalised constraint matrix below this are zero: 1e-9 is far below what
+noise of 0.01 px leaves (about 1e-8) and far above rounding (1e-15)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockBasis:
+    """What a block says of its cameras: row basis U (2 m, 3), weight, inliers, mean (2 m,)."""
+
+    images: Int
+    U: Float
+    weight: float
+    inlier: Float
+    mean: Float
+
+
+def block_basis(
+    block: Block, options: FactorizationOptions, rng: np.random.Generator
+) -> BlockBasis | None:
+    """Row basis of one block, from the tracks that agree on it.
+
+    Random subspaces through four tracks are tried, the one with the most supporting tracks wins,
+    and the SVD of its supporters, twice repeated, gives basis and singular values. None when fewer
+    than `min_block_tracks` agree or the block does not have rank three.
+    """
+    M = block.M
+    rows, n = M.shape
+    trials = options.block_ransac_trials
+    best = np.ones(n, dtype=bool)
+    if trials > 0 and n > 4:
+        pick = rng.random((trials, n)).argpartition(4, axis=1)[:, :4]
+        corners = M[:, pick].transpose(1, 0, 2)  # (trials, rows, 4)
+        Q, _ = np.linalg.qr(corners[:, :, 1:] - corners[:, :, :1])
+        count = np.empty(trials, dtype=np.int64)
+        limit = options.block_ransac_threshold_px**2 * (rows / 2)
+        supports = []
+        for k in range(trials):
+            D = M - corners[k, :, :1]
+            error = np.einsum("rn,rn->n", D, D) - np.einsum("cn,cn->n", *(2 * [Q[k].T @ D]))
+            supports.append(error < limit)
+            count[k] = int(np.sum(supports[-1]))
+        best = supports[int(np.argmax(count))]
+    for _ in range(2):
+        if np.sum(best) < max(options.min_block_tracks, 4):
+            return None
+        mean = M[:, best].mean(axis=1)
+        U, s, _ = np.linalg.svd(M[:, best] - mean[:, None], full_matrices=False)
+        D = M - mean[:, None]
+        error = np.einsum("rn,rn->n", D, D) - np.einsum("cn,cn->n", *(2 * [U[:, :3].T @ D]))
+        if trials > 0:
+            best = error < options.block_ransac_threshold_px**2 * (rows / 2)
+    if s[2] <= 1e-9 * s[0]:
+        return None
+    weight = 1.0
+    if options.block_weights == "signal_to_noise":
+        rest = s[3 : min(rows, int(np.sum(best)))]
+        noise = float(np.mean(rest**2)) if len(rest) else 0.0
+        # per track, so that the noise floor is a variance in px^2; 1e-4 px is below any detector
+        noise = max(noise, 1e-8 * float(np.sum(best)))
+        weight = float(s[2] ** 2 / noise)
+    return BlockBasis(
+        images=block.images, U=U[:, :3], weight=weight, inlier=best.astype(float), mean=mean
+    )
+
+
+def constraint_matrix(bases: list[BlockBasis], num_images: int) -> sparse.csc_array:
+    """``sum_k w_k S_k^T (I - U_k U_k^T) S_k``, (2 M, 2 M), scaled to unit mean diagonal."""
+    rows, cols, values = [], [], []
+    for basis in bases:
+        idx = (2 * basis.images[:, None] + np.arange(2)).ravel()
+        block = basis.weight * (np.eye(len(idx)) - basis.U @ basis.U.T)
+        rows.append(np.repeat(idx, len(idx)))
+        cols.append(np.tile(idx, len(idx)))
+        values.append(block.ravel())
+    n = 2 * num_images
+    C = sparse.coo_array(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))), shape=(n, n)
+    ).tocsc()
+    return C / (C.diagonal().sum() / n)
+
+
+def smallest_eigenvectors(C: sparse.csc_array, count: int) -> tuple[Float, Float]:
+    """The `count` smallest eigenvalues and their eigenvectors of a symmetric C >= 0."""
+    if C.shape[0] <= DENSE_EIGEN_LIMIT:
+        from scipy.linalg import eigh
+
+        values, vectors = eigh(C.toarray(), subset_by_index=[0, count - 1])
+        return values, vectors
+    from scipy.sparse.linalg import eigsh
+
+    start = np.ones(C.shape[0])  # a fixed start keeps the result the same from run to run
+    values, vectors = eigsh(C, k=count, sigma=-1e-6, which="LM", v0=start)
+    order = np.argsort(values)
+    return values[order], vectors[:, order]
+
+
+def two_camera_gauge(C: sparse.csc_array, first: int, second: int) -> Float:
+    """The paper's gauge, equation 15: two cameras fixed, the rest by least squares.
+
+    Camera `first` is [[1, 0, 0], [0, 1, 0]]; the first row of `second` is [0, 0, 1]. The affinity
+    that does this exists when the two cameras' three rows are independent.
+    """
+    n = C.shape[0]
+    fixed = np.array([2 * first, 2 * first + 1, 2 * second])
+    free = np.setdiff1d(np.arange(n), fixed)
+    Pi = np.zeros((n, 3))
+    Pi[fixed] = np.eye(3)
+    rhs = -(C[free][:, fixed] @ np.eye(3))
+    Pi[free] = splu(C[free][:, free].tocsc()).solve(np.asarray(rhs))
+    return Pi
+
+
+def joint_projection(
+    bases: list[BlockBasis], num_images: int, options: FactorizationOptions
+) -> Solution[Float]:
+    """Cameras (M, 2, 3) up to an affinity, with the eigenvalue gap as diagnosis."""
+    C = constraint_matrix(bases, num_images)
+    values, vectors = smallest_eigenvectors(C, min(5, 2 * num_images))
+    diagnostics = {"eigenvalues": values.tolist()}
+    if len(values) > 3 and values[3] < NULL_EIGENVALUE:
+        return Solution(
+            value=None,
+            status="disconnected",
+            message="the blocks leave more than one affinity free: the images fall into parts "
+            "that share too few tracks; match more pairs or lower the minimum of common tracks",
+            diagnostics=diagnostics,
+        )
+    Pi = vectors[:, :3]
+    if options.gauge == "two_cameras":
+        A = Pi.reshape(-1, 2, 3)
+        # the second camera is the one whose rows complete the first's the best
+        Q, _ = np.linalg.qr(A[0].T)
+        rest = A[:, 0] - (A[:, 0] @ Q) @ Q.T
+        Pi = two_camera_gauge(C, 0, int(np.argmax(np.linalg.norm(rest, axis=1))))
+    return Solution(value=Pi.reshape(-1, 2, 3), diagnostics=diagnostics)
+
+
+def joint_translation(bases: list[BlockBasis], A: Float) -> Float:
+    """Translations (M, 2) from the block means [paper, equations 17-19].
+
+    In block k the mean measurement is ``A_i s_k + t_i`` with unknown centroid s_k. Linear least
+    squares over all s_k and t, with the centroid of all blocks at the origin as gauge.
+    """
+    num_images = len(A)
+    n = 2 * num_images
+    rows, cols, values, rhs = [], [], [], []
+    row = 0
+    for k, basis in enumerate(bases):
+        idx = (2 * basis.images[:, None] + np.arange(2)).ravel()
+        w = np.sqrt(np.sum(basis.inlier))
+        local = row + np.arange(len(idx))
+        rows += [local, np.repeat(local, 3)]
+        cols += [idx, np.tile(n + 3 * k + np.arange(3), len(idx))]
+        values += [np.full(len(idx), w), w * A[basis.images].reshape(-1, 3).ravel()]
+        rhs.append(w * basis.mean)
+        row += len(idx)
+    # gauge: the mean of the block centroids is zero
+    num_blocks = len(bases)
+    for d in range(3):
+        rows.append(np.full(num_blocks, row + d))
+        cols.append(n + 3 * np.arange(num_blocks) + d)
+        values.append(np.ones(num_blocks))
+    rhs.append(np.zeros(3))
+    system = sparse.csc_array(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))),
+        shape=(row + 3, n + 3 * num_blocks),
+    )
+    b = np.concatenate(rhs)
+    normal = (system.T @ system).tocsc()
+    ridge = 1e-12 * float(normal.diagonal().max())
+    normal = normal + ridge * sparse.eye_array(normal.shape[0], format="csc")
+    solution = splu(normal.tocsc()).solve(system.T @ b)
+    return np.asarray(solution[:n]).reshape(-1, 2)
+
+
+def factorize_cbc(
+    blocks: list[Block],
+    num_images: int,
+    options: FactorizationOptions,
+    rng: np.random.Generator,
+) -> Solution[AffineModel]:
+    """Affine cameras of an incomplete measurement matrix from its complete blocks.
+
+    The points of the returned model are the triangulated block centroids' stand-ins: it holds one
+    zero point; triangulate the tracks with its cameras.
+    """
+    bases = [b for b in (block_basis(block, options, rng) for block in blocks) if b is not None]
+    covered = np.zeros(num_images, dtype=bool)
+    for basis in bases:
+        covered[basis.images] = True
+    if not covered.all():
+        missing = np.flatnonzero(~covered)
+        return Solution(
+            value=None,
+            status="images_without_block",
+            message=f"{len(missing)} image(s) share no {options.min_block_tracks} tracks with two "
+            "others; leave them out or match more pairs",
+            diagnostics={"images_without_block": missing.tolist()},
+        )
+    projection = joint_projection(bases, num_images, options)
+    if projection.value is None:
+        return Solution(
+            value=None,
+            status=projection.status,
+            message=projection.message,
+            diagnostics=projection.diagnostics,
+        )
+    A = projection.value
+    t = joint_translation(bases, A)
+    return Solution(
+        value=AffineModel(A=A, t=t, X=np.zeros((1, 3))),
+        diagnostics={**projection.diagnostics, "num_blocks": len(bases)},
+    )

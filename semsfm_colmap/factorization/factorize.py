@@ -1,0 +1,167 @@
+"""From observations to Euclidean cameras: blocks -> CBC -> robust polish -> upgrade."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from semsfm_colmap.factorization.blocks import Block, select_blocks
+from semsfm_colmap.factorization.cbc import factorize_cbc
+from semsfm_colmap.factorization.options import FactorizationOptions
+from semsfm_colmap.factorization.polish import polish_affine
+from semsfm_colmap.factorization.upgrade import upgrade_to_euclidean
+from semsfm_colmap.geometry.eliminated import SolverOptions
+from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
+from semsfm_colmap.geometry.tracks import keep_tracks
+from semsfm_colmap.geometry.triangulation import triangulate_tracks
+from semsfm_colmap.types import (
+    AffineModel,
+    Float,
+    Int,
+    Observations,
+    OrthographicCameras,
+    Solution,
+)
+
+AFFINE_THRESHOLD_PX = 8.0
+"""Reprojection error up to which observations take part in the polish: the paper's first round."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """A connected part of the series: its images and their blocks."""
+
+    images: Int
+    blocks: list[Block]
+
+
+def connected_parts(blocks: list[Block], num_images: int) -> list[Part]:
+    """Images tied together by blocks that share at least two images, largest part first.
+
+    Two blocks with two cameras in common fix the affinity between them; with one they do not.
+    """
+    if not blocks:
+        return []
+    rows = np.concatenate([np.full(len(b.images), k) for k, b in enumerate(blocks)])
+    cols = np.concatenate([b.images for b in blocks])
+    B = sparse.csr_array((np.ones(len(rows)), (rows, cols)), shape=(len(blocks), num_images))
+    tied = sparse.csr_array(B @ B.T)
+    tied.data = (tied.data >= 2).astype(float)
+    tied.eliminate_zeros()
+    count, label = connected_components(tied, directed=False)
+    parts = []
+    for part in range(count):
+        mine = [b for b, p in zip(blocks, label, strict=True) if p == part]
+        images = np.unique(np.concatenate([b.images for b in mine]))
+        parts.append(Part(images=images, blocks=mine))
+    # an image at a seam can be in two parts: the larger keeps it
+    parts.sort(key=lambda p: (-len(p.images), int(p.images[0])))
+    taken: set[int] = set()
+    result = []
+    for p in parts:
+        images = np.array([i for i in p.images if int(i) not in taken], dtype=np.int64)
+        kept = [b for b in p.blocks if not taken & set(b.images.tolist())]
+        covered = np.unique(np.concatenate([b.images for b in kept])) if kept else images[:0]
+        if len(covered) >= 3:
+            result.append(Part(images=covered, blocks=kept))
+            taken |= set(covered.tolist())
+    return result
+
+
+def robust_sigma(r: Float) -> float:
+    """Standard deviation of residuals from their median absolute deviation."""
+    return float(1.4826 * np.median(np.abs(r - np.median(r)))) if r.size else 0.0
+
+
+def factorize(
+    part: Part,
+    observations: Observations,
+    options: FactorizationOptions,
+    rng: np.random.Generator,
+) -> Solution[tuple[OrthographicCameras, Float]]:
+    """Orthographic cameras of one connected part.
+
+    Parameters
+    ----------
+    part : images i and blocks, numbered as in `observations`
+    observations : sorted by track
+
+    Returns
+    -------
+    Solution of (cameras of ``part.images`` in that order, points); diagnostics of each step
+    """
+    number = np.full(observations.num_images, -1, dtype=np.int64)
+    number[part.images] = np.arange(len(part.images))
+    blocks = [Block(images=number[b.images], tracks=b.tracks, M=b.M) for b in part.blocks]
+    start = factorize_cbc(blocks, len(part.images), options, rng)
+    if start.value is None:
+        return Solution(
+            value=None, status=start.status, message=start.message, diagnostics=start.diagnostics
+        )
+    local, _ = keep_tracks(
+        observations, number[observations.image_idx] >= 0, min_length=2, image_number=number
+    )
+    A, t = start.value.A, start.value.t
+    pointer = track_pointer(local.track_idx, local.num_tracks)
+    X, inlier = triangulate_tracks(
+        A, t, local.image_idx, pointer, local.xy, threshold_px=AFFINE_THRESHOLD_PX, trials=15
+    )
+    local, kept = keep_tracks(local, inlier, min_length=3)
+    if len(local) < 12 * len(t) or len(np.unique(local.image_idx)) < len(t):
+        return Solution(
+            value=None,
+            status="inconsistent_tracks",
+            message="the tracks do not agree on one motion: too few survive triangulation with "
+            "the cameras that the complete blocks suggest; look at the matches",
+            diagnostics=start.diagnostics,
+        )
+    polish = polish_affine(
+        AffineModel(A=A, t=t, X=X[kept]),
+        local,
+        solver=SolverOptions(
+            max_iterations=options.polish_iterations,
+            cost_tolerance=1e-6,
+            loss=options.polish_loss,
+            loss_width=options.polish_loss_width_px,
+        ),
+    )
+    assert polish.value is not None
+    model = polish.value
+    noise = max(robust_sigma(polish.diagnostics["residuals"]), 1e-3)
+    # accuracy of a camera's rows: noise over the extent of the object times root of observations
+    extent = float(np.sqrt(np.mean(np.square(local.xy - local.xy.mean(axis=0)))))
+    camera_sigma = max(noise / (extent * np.sqrt(len(local) / len(t))), 1e-5)
+    upgrade = upgrade_to_euclidean(
+        model, scale_sigma=options.scale_sigma, camera_sigma=camera_sigma
+    )
+    return Solution(
+        value=upgrade.value,
+        status=upgrade.status,
+        message=upgrade.message,
+        iterations=polish.iterations,
+        costs=polish.costs,
+        diagnostics={
+            **start.diagnostics,
+            "cbc_rms_px": rms_with_cameras(A, t, local),
+            "affine_rms_px": polish.diagnostics["rms_px"],
+            "affine_sigma_px": noise,
+            "upgrade": dict(upgrade.diagnostics),
+        },
+    )
+
+
+def rms_with_cameras(A: Float, t: Float, observations: Observations) -> float:
+    """Root mean square residual per coordinate of the best points for given cameras."""
+    obs = observations
+    pointer = track_pointer(obs.track_idx, obs.num_tracks)
+    X = np.nan_to_num(solve_points(A, t, obs.image_idx, pointer, obs.xy, np.ones(len(obs))))
+    r = residuals(A, t, X, obs.image_idx, obs.track_idx, obs.xy)
+    return float(np.sqrt(np.mean(r**2)))
+
+
+def find_parts(observations: Observations, options: FactorizationOptions) -> list[Part]:
+    """The connected parts of a series, largest first."""
+    return connected_parts(select_blocks(observations, options), observations.num_images)

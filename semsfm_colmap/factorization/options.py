@@ -1,0 +1,39 @@
+"""Options of the factorization stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, kw_only=True)
+class FactorizationOptions:
+    """Camera basis constraints, affine polish and Euclidean upgrade."""
+
+    min_block_images: int = 3
+    """Fewest images of a complete sub-block."""
+    max_block_images: int = 6
+    """Most images of a complete sub-block."""
+    min_block_tracks: int = 10
+    """Fewest tracks that all images of a sub-block must share."""
+    max_block_tracks: int = 1500
+    """A block with more tracks is thinned to so many, evenly: more do not make it better."""
+    num_block_neighbours: int = 6
+    """From every image blocks grow toward so many neighbours, those with the most tracks."""
+    gauge: Literal["orthonormal", "two_cameras"] = "orthonormal"
+    """How the joint projection matrix is fixed: by its three smallest eigenvectors, or as the
+    paper's equation 15 fixes two cameras."""
+    block_weights: Literal["signal_to_noise", "uniform"] = "signal_to_noise"
+    """Weight of a block: sigma_3^2 / mean(sigma_4..^2), or one for all."""
+    block_ransac_threshold_px: float = 3.0
+    """Residual up to which a track supports a block's subspace."""
+    block_ransac_trials: int = 100
+    """Random 4-track subspaces tried per block."""
+    polish_loss: Literal["squared", "huber", "cauchy"] = "cauchy"
+    """Loss of the affine polish."""
+    polish_loss_width_px: float = 1.0
+    """Where the loss of the affine polish bends."""
+    polish_iterations: int = 30
+    """Most steps of the affine polish."""
+    scale_sigma: float = 0.01
+    """How far, relative, the magnifications of two images may differ in the Euclidean upgrade."""

@@ -1,0 +1,159 @@
+"""Orthographic bundle adjustment, points eliminated [paper: Levenberg-Marquardt; here on rotations].
+
+    xy = s_i K2 (R_i X_j)[:2] + t_i,   K2 = [[1, skew], [0, aspect]]
+
+Local parameters of an image: a rotation vector w on the left, ``R <- exp([w]x) R``, the logarithm
+of its magnification, its translation, and (shared by all images) aspect and skew. With
+``y = R X``: ``dy/dw = -[y]x``. The ladder of camera models is a matter of which parameters are
+free. Gauge: none is fixed, the damping picks the smallest step; the magnification prior
+``log s_i ~ N(0, scale_sigma)`` holds the common magnification at 1 px per unit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+
+from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions, minimise
+from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.types import Array, Float, Int, Observations, OrthographicCameras, Solution
+
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BundleModel:
+    """`CameraModel` of the orthographic ladder on `OrthographicCameras`."""
+
+    param_idx: Int
+    num_params: int
+    scale_sigma: float
+    affine_sigma: float
+
+    @classmethod
+    def build(
+        cls,
+        num_images: int,
+        *,
+        free_scale: bool,
+        free_affine: bool,
+        scale_sigma: float,
+        affine_sigma: float,
+    ) -> BundleModel:
+        """Number the free parameters; the magnifications are held fixed without `free_scale`."""
+        per_image = [0, 1, 2, *([3] if free_scale else []), 4, 5]
+        width = 8 if free_affine else 6
+        idx = np.full((num_images, width), -1, dtype=np.int64)
+        numbers = np.arange(num_images * len(per_image)).reshape(num_images, -1)
+        idx[:, per_image] = numbers
+        count = numbers.size
+        if free_affine:
+            idx[:, 6], idx[:, 7] = count, count + 1
+            count += 2
+        return cls(
+            param_idx=idx, num_params=count, scale_sigma=scale_sigma, affine_sigma=affine_sigma
+        )
+
+    def cameras(self, params: OrthographicCameras) -> tuple[Float, Float]:
+        """The affine form of the cameras."""
+        return params.projection, np.asarray(params.translation_px)
+
+    def jacobian(
+        self, params: OrthographicCameras, X: Float, image_idx: Int, track_idx: Int
+    ) -> Float:
+        """(O, 2, 6 or 8), see the module's formula."""
+        R = params.cam_from_world[image_idx]
+        y = np.einsum("oij,oj->oi", R, X[track_idx])
+        s = params.scale_px_per_unit[image_idx]
+        J = np.zeros((len(image_idx), 2, self.param_idx.shape[1]))
+        # dy_x/dw = (0, y_z, -y_y), dy_y/dw = (-y_z, 0, y_x)
+        u, v, z = y[:, 0], y[:, 1], y[:, 2]
+        k, a = params.skew, params.aspect
+        J[:, 0, 0], J[:, 0, 1], J[:, 0, 2] = -s * k * z, s * z, s * (k * u - v)
+        J[:, 1, 0], J[:, 1, 2] = -s * a * z, s * a * u
+        J[:, 0, 3], J[:, 1, 3] = s * (u + k * v), s * a * v
+        J[:, 0, 4] = J[:, 1, 5] = 1.0
+        if J.shape[2] == 8:
+            J[:, 1, 6] = s * v
+            J[:, 0, 7] = s * v
+        return J
+
+    def retract(self, params: OrthographicCameras, step: Float) -> OrthographicCameras:
+        """Left-multiplied rotations, multiplied magnifications, added translations."""
+        padded = np.concatenate([step, [0.0]])  # index -1 reads the zero
+        local = padded[self.param_idx]
+        shared = local[0, 6:8] if local.shape[1] == 8 else (0.0, 0.0)
+        return replace(
+            params,
+            cam_from_world=rotation_from_vector(local[:, :3]) @ params.cam_from_world,
+            scale_px_per_unit=params.scale_px_per_unit * np.exp(local[:, 3]),
+            translation_px=params.translation_px + local[:, 4:6],
+            aspect=float(params.aspect + shared[0]),
+            skew=float(params.skew + shared[1]),
+        )
+
+    def prior(self, params: OrthographicCameras) -> tuple[Float, sparse.csr_array]:
+        """Magnifications near 1; aspect near 1 and skew near 0."""
+        values, rows, cols, derivs = [], [], [], []
+        free_scale = self.param_idx[:, 3]
+        if free_scale[0] >= 0:
+            values.append(np.log(params.scale_px_per_unit) / self.scale_sigma)
+            rows.append(np.arange(len(free_scale)))
+            cols.append(free_scale)
+            derivs.append(np.full(len(free_scale), 1.0 / self.scale_sigma))
+        if self.param_idx.shape[1] == 8:
+            values.append(np.array([params.aspect - 1.0, params.skew]) / self.affine_sigma)
+            rows.append(sum(len(v) for v in values[:-1]) + np.arange(2))
+            cols.append(self.param_idx[0, 6:8])
+            derivs.append(np.full(2, 1.0 / self.affine_sigma))
+        if not values:
+            return np.zeros(0), sparse.csr_array((0, self.num_params))
+        r = np.concatenate(values)
+        J = sparse.csr_array(
+            (np.concatenate(derivs), (np.concatenate(rows), np.concatenate(cols))),
+            shape=(len(r), self.num_params),
+        )
+        return r, J
+
+
+def bundle_adjust(
+    cameras: OrthographicCameras,
+    observations: Observations,
+    *,
+    camera_model: str = "scaled_orthographic",
+    scale_sigma: float = 0.001,
+    affine_sigma: float = 0.003,
+    sigma_px: float = 0.3,
+    solver: SolverOptions | None = None,
+) -> Solution[tuple[OrthographicCameras, Float]]:
+    """Refine cameras and points to the minimum of the robust reprojection error.
+
+    Parameters
+    ----------
+    cameras : magnifications near 1 px per unit (the prior's mean)
+    observations : sorted by track, every track seen at least twice
+    sigma_px : measurement noise per coordinate; balances the data against the priors
+
+    Returns
+    -------
+    Solution of (cameras, points (N, 3)); ``diagnostics`` holds the final `Eliminated` state
+    """
+    model = BundleModel.build(
+        len(cameras),
+        free_scale=camera_model != "orthographic",
+        free_affine=camera_model == "affine",
+        scale_sigma=scale_sigma,
+        affine_sigma=affine_sigma,
+    )
+    end: Eliminated[OrthographicCameras] = minimise(
+        model, cameras, observations, sigma_px=sigma_px, options=solver
+    )
+    return Solution(
+        value=(end.params, end.X),
+        status="ok" if end.converged else "iteration_limit",
+        message="" if end.converged else "bundle adjustment stopped before it converged",
+        iterations=end.iterations,
+        costs=end.costs,
+        diagnostics={"state": end, "model": model},
+    )

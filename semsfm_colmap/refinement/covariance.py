@@ -1,0 +1,140 @@
+"""Covariance of poses and points from the reduced system (Schur complement).
+
+With noise sigma per coordinate and camera Hessian S (points eliminated, priors included), the
+camera covariance is the pseudo-inverse of S over the gauge: rotating and shifting the world changes
+nothing (6 directions), so S has them as null space N and
+
+    C = (S + N N^T)^-1 - N N^T    (N orthonormal)
+
+is the covariance in the gauge that makes the total variance of the parameters smallest (inner
+constraints, Triggs et al. 2000, section 9). A point inherits ``H^-1 + H^-1 E^T C E H^-1``, H its
+3 x 3 block and E its coupling to the cameras.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from semsfm_colmap.geometry.eliminated import Eliminated, linearise
+from semsfm_colmap.geometry.points import add_observation, invert_symmetric, track_pointer
+from semsfm_colmap.refinement.bundle import BundleModel
+from semsfm_colmap.types import Array, Float, Observations, OrthographicCameras, Solution
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Covariance:
+    """Standard deviations of the cameras, covariance of the points; see the module for the gauge."""
+
+    sigma_rotation_rad: Float
+    sigma_translation_px: Float
+    sigma_scale: Float
+    points: Float
+    cameras: Float
+    """(n, n) full covariance of the camera parameters, in the order of the bundle model"""
+
+
+def gauge_directions(model: BundleModel, cameras: OrthographicCameras) -> Float:
+    """Orthonormal null space (n, 6) of the reduced system: world rotations and shifts."""
+    M = len(cameras)
+    N = np.zeros((model.num_params + 1, 6))  # the last row collects index -1
+    R = np.asarray(cameras.cam_from_world)
+    for k in range(3):
+        # exp([R e_k]) R = R exp([e_k]): every camera turns by the same world rotation
+        for d in range(3):
+            N[model.param_idx[:, d], k] = R[:, d, k]
+    P = cameras.projection
+    for k in range(3):
+        for d in range(2):
+            N[model.param_idx[:, 4 + d], 3 + k] = P[:, d, k]
+    Q, _ = np.linalg.qr(N[: model.num_params])
+    assert len(Q) == model.num_params
+    assert M > 0
+    return Q
+
+
+@numba.njit(cache=True, parallel=True)
+def _point_covariance(J, A, w, image_idx, pointer, param_idx, C, out):  # type: ignore[no-untyped-def]
+    p = J.shape[2]
+    for j in numba.prange(len(pointer) - 1):
+        begin, end = pointer[j], pointer[j + 1]
+        H = np.zeros((3, 3))
+        b = np.zeros(3)
+        inverse = np.zeros((3, 3))
+        for o in range(begin, end):
+            add_observation(H, b, A[image_idx[o]], 0.0, 0.0, w[o])
+        if not invert_symmetric(H, inverse):
+            out[j] = np.nan
+            continue
+        # B = E^T C E, summed over all pairs of observations of the track
+        E = np.zeros((end - begin, p, 3))
+        for o in range(begin, end):
+            i = image_idx[o]
+            for k in range(p):
+                for m in range(3):
+                    E[o - begin, k, m] = w[o] * (
+                        J[o, 0, k] * A[i, 0, m] + J[o, 1, k] * A[i, 1, m]
+                    )
+        B = np.zeros((3, 3))
+        for o in range(begin, end):
+            for q in range(begin, end):
+                for k in range(p):
+                    gk = param_idx[image_idx[o], k]
+                    if gk < 0:
+                        continue
+                    for m in range(p):
+                        gm = param_idx[image_idx[q], m]
+                        if gm < 0:
+                            continue
+                        c = C[gk, gm]
+                        for x in range(3):
+                            for y in range(3):
+                                B[x, y] += E[o - begin, k, x] * c * E[q - begin, m, y]
+        out[j] = inverse + inverse @ B @ inverse
+
+
+def estimate_covariance(
+    model: BundleModel,
+    state: Eliminated[OrthographicCameras],
+    observations: Observations,
+    sigma_px: float,
+) -> Solution[Covariance]:
+    """Error bars of a converged bundle adjustment.
+
+    Shared parameters (aspect, skew) are included in the cameras' covariance; their coupling to a
+    point is counted once an observation, which is exact.
+    """
+    pointer = track_pointer(observations.track_idx, observations.num_tracks)
+    S, _ = linearise(model, state, observations, pointer, sigma_px)
+    N = gauge_directions(model, state.params)
+    # the gauge directions get the stiffness of a typical parameter, for conditioning
+    stiffness = float(np.median(np.diag(S)))
+    try:
+        factor = cho_factor(S + stiffness * (N @ N.T), lower=True)
+    except LinAlgError:
+        return Solution(
+            value=None,
+            status="rank_deficient",
+            message="some parameters are not determined by the data and priors; "
+            "no error bars can be given",
+        )
+    C = cho_solve(factor, np.eye(len(S))) - (N @ N.T) / stiffness
+    A, _ = model.cameras(state.params)
+    J = model.jacobian(state.params, state.X, observations.image_idx, observations.track_idx)
+    points = np.empty((observations.num_tracks, 3, 3))
+    w = state.weight / sigma_px**2
+    _point_covariance(J, A, w, observations.image_idx, pointer, model.param_idx, C, points)
+    variance = np.concatenate([np.maximum(np.diag(C), 0.0), [0.0]])
+    sigma: Array = np.sqrt(variance[model.param_idx])
+    return Solution(
+        value=Covariance(
+            sigma_rotation_rad=sigma[:, :3],
+            sigma_translation_px=sigma[:, 4:6],
+            sigma_scale=sigma[:, 3],
+            points=points,
+            cameras=C,
+        )
+    )

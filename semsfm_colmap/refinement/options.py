@@ -1,0 +1,40 @@
+"""Options of the refinement stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefinementOptions:
+    """Triangulation, graduated filtering, bundle adjustment and depth reversal."""
+
+    filter_thresholds_px: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0)
+    """Reprojection error allowed in each round of filtering; cameras are re-estimated after each
+    (the paper's four rounds from 8 px to 1 px)."""
+    min_threshold_sigmas: float = 3.0
+    """No round filters below so many robust standard deviations of the residuals: where the noise
+    is larger than the paper's, the last thresholds grow with it."""
+    ransac_trials: int = 15
+    """Image pairs tried to triangulate a track."""
+    min_track_length: int = 3
+    """Fewest inlier observations of a point."""
+    min_image_observations: int = 12
+    """Fewest inlier observations of a registered image."""
+    min_triangulation_angle_deg: float = 1.0
+    """Points whose rays all lie within this angle have no reliable depth and are left out."""
+    camera_model: Literal["orthographic", "scaled_orthographic", "affine"] = "scaled_orthographic"
+    """orthographic: one magnification; scaled: one an image; affine: also shared aspect and skew."""
+    scale_sigma: float = 0.001
+    """Prior: relative standard deviation of the magnification between images (SEM: 0.0005-0.003)."""
+    affine_sigma: float = 0.003
+    """Prior: standard deviation of aspect - 1 and skew, with the affine camera model."""
+    loss: Literal["squared", "huber", "cauchy"] = "cauchy"
+    """Loss of the bundle adjustment."""
+    loss_width: float = 2.5
+    """Where the loss bends, in standard deviations of the residuals."""
+    max_iterations: int = 60
+    """Most bundle adjustment steps of the last round."""
+    min_depth_sign_confidence: float = 0.95
+    """Below this confidence the hand counts as ambiguous and both models are written."""

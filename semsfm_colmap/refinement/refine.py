@@ -1,0 +1,321 @@
+"""Graduated filtering and bundle adjustment [paper, figure 2 and section "Experimental results"].
+
+Each round triangulates every track robustly with the current cameras, keeps the observations within
+the round's threshold and adjusts all cameras to them; the thresholds fall from 8 px to 1 px.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions
+from semsfm_colmap.geometry.points import residuals, track_pointer
+from semsfm_colmap.geometry.tracks import keep_tracks
+from semsfm_colmap.geometry.triangulation import triangulate_tracks, triangulation_angle
+from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
+from semsfm_colmap.refinement.options import RefinementOptions
+from semsfm_colmap.refinement.resection import resect
+from semsfm_colmap.types import (
+    Array,
+    Bool,
+    Float,
+    Int,
+    Observations,
+    OrthographicCameras,
+    Solution,
+)
+
+EARLY_ITERATIONS = 8
+"""Steps of the bundle adjustment in all rounds but the last: enough to move before refiltering."""
+MIN_SIGMA_PX = 0.02
+"""No real measurement is better; keeps the balance with the priors finite on exact data."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Round:
+    """What one round of filtering did."""
+
+    threshold_px: float
+    num_observations: int
+    num_points: int
+    num_images: int
+    sigma_px: float
+    rms_px: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Refined:
+    """The refined model of one connected part."""
+
+    images: Int
+    """Numbers of the registered images"""
+    cameras: OrthographicCameras
+    """of `images`, in that order"""
+    tracks: Int
+    """Numbers of the tracks that have a point"""
+    points: Float
+    inlier: Bool
+    """(O,) among all observations given"""
+    sigma_px: float
+    rounds: tuple[Round, ...]
+    observations: Observations
+    """The inliers, numbered as in `images` and `tracks`"""
+    state: Eliminated[OrthographicCameras]
+    model: BundleModel
+
+
+def noise_sigma(r: Array, num_points: int, num_images: int) -> float:
+    """Standard deviation per coordinate from residuals (O, 2), robust, corrected for the fit.
+
+    A fit with u unknowns to n numbers leaves residuals smaller by sqrt((n - u) / n).
+    """
+    n = r.size
+    unknowns = 3 * num_points + 6 * num_images
+    share = max((n - unknowns) / n, 0.05)
+    mad = float(np.median(np.abs(r)))
+    return max(1.4826 * mad / np.sqrt(share), MIN_SIGMA_PX)
+
+
+def select_inliers(
+    cameras: OrthographicCameras,
+    observations: Observations,
+    threshold_px: float,
+    options: RefinementOptions,
+    seed: int,
+) -> Bool:
+    """Observations that support a well-conditioned point within the threshold."""
+    obs = observations
+    pointer = track_pointer(obs.track_idx, obs.num_tracks)
+    _, inlier = triangulate_tracks(
+        cameras.projection,
+        np.asarray(cameras.translation_px),
+        obs.image_idx,
+        pointer,
+        obs.xy,
+        threshold_px=threshold_px,
+        trials=options.ransac_trials,
+        seed=seed,
+    )
+    length = np.bincount(obs.track_idx[inlier], minlength=obs.num_tracks)
+    angle = triangulation_angle(cameras.viewing_direction, obs.image_idx, pointer, inlier)
+    good = (length >= options.min_track_length) & (
+        angle >= np.deg2rad(options.min_triangulation_angle_deg)
+    )
+    return inlier & good[obs.track_idx]
+
+
+def registered_images(
+    inlier: Bool, observations: Observations, options: RefinementOptions
+) -> Int:
+    """Images with enough inlier observations."""
+    count = np.bincount(observations.image_idx[inlier], minlength=observations.num_images)
+    return np.flatnonzero(count >= options.min_image_observations)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Fit:
+    images: Int
+    tracks: Int
+    cameras: OrthographicCameras
+    points: Float
+    observations: Observations
+    inlier: Bool
+    sigma_px: float
+    residuals: Float
+    state: Eliminated[OrthographicCameras]
+    model: BundleModel
+
+
+def _adjust(
+    cameras: OrthographicCameras,
+    images: Int,
+    observations: Observations,
+    threshold_px: float,
+    options: RefinementOptions,
+    solver: SolverOptions,
+    seed: int,
+) -> _Fit | None:
+    """One round: select, drop images that starve, adjust. None when nothing is left."""
+    num_images = observations.num_images
+    while True:
+        number = np.full(num_images, -1, dtype=np.int64)
+        number[images] = np.arange(len(images))
+        usable = number[observations.image_idx] >= 0
+        local, track_number = keep_tracks(
+            observations, usable, min_length=options.min_track_length, image_number=number
+        )
+        if len(local) == 0:
+            return None
+        inlier = select_inliers(cameras, local, threshold_px, options, seed)
+        kept = registered_images(inlier, local, options)
+        if len(kept) < 3:
+            return None
+        if len(kept) == len(images):
+            break
+        images, cameras = images[kept], cameras.select(kept)
+    used, tracks = keep_tracks(local, inlier, min_length=options.min_track_length)
+    pointer = track_pointer(used.track_idx, used.num_tracks)
+    P, t = cameras.projection, np.asarray(cameras.translation_px)
+    from semsfm_colmap.geometry.points import solve_points
+
+    X = np.nan_to_num(solve_points(P, t, used.image_idx, pointer, used.xy, np.ones(len(used))))
+    r = residuals(P, t, X, used.image_idx, used.track_idx, used.xy)
+    sigma = noise_sigma(r, used.num_tracks, len(images))
+    result = bundle_adjust(
+        cameras,
+        used,
+        camera_model=options.camera_model,
+        scale_sigma=options.scale_sigma,
+        affine_sigma=options.affine_sigma,
+        sigma_px=sigma,
+        solver=solver,
+    )
+    assert result.value is not None
+    state = result.diagnostics["state"]
+    cameras, X = result.value
+    # back to the numbering of the caller
+    row = np.full(num_images, -1, dtype=np.int64)
+    row[images] = np.arange(len(images))
+    all_tracks = track_number[tracks]
+    full = np.zeros(len(observations), dtype=bool)
+    positions = np.flatnonzero(
+        usable & np.isin(observations.track_idx, track_number)
+    )
+    full[positions[inlier]] = True
+    return _Fit(
+        images=images,
+        tracks=all_tracks,
+        cameras=cameras,
+        points=X,
+        observations=used,
+        inlier=full,
+        sigma_px=noise_sigma(state.residuals, used.num_tracks, len(images)),
+        residuals=state.residuals,
+        state=state,
+        model=result.diagnostics["model"],
+    )
+
+
+def register_more(
+    fit: _Fit,
+    observations: Observations,
+    threshold_px: float,
+    options: RefinementOptions,
+    rng: np.random.Generator,
+) -> tuple[Int, OrthographicCameras]:
+    """Try to add images that are not in the model by resection on its points."""
+    images, cameras = fit.images, fit.cameras
+    position = np.full(observations.num_tracks, -1, dtype=np.int64)
+    position[fit.tracks] = np.arange(len(fit.tracks))
+    order = list(images)
+    parts = [cameras]
+    for i in np.setdiff1d(np.unique(observations.image_idx), images):
+        mine = (observations.image_idx == i) & (position[observations.track_idx] >= 0)
+        points = fit.points[position[observations.track_idx[mine]]]
+        found = resect(
+            points,
+            observations.xy[mine],
+            threshold_px=threshold_px,
+            min_inliers=options.min_image_observations,
+            rng=rng,
+        )
+        if found.value is None:
+            continue
+        order.append(i)
+        parts.append(
+            OrthographicCameras(
+                cam_from_world=found.value.cam_from_world[None],
+                scale_px_per_unit=np.array([found.value.scale_px_per_unit]),
+                translation_px=found.value.translation_px[None],
+                aspect=cameras.aspect,
+                skew=cameras.skew,
+            )
+        )
+    merged = replace(
+        cameras,
+        cam_from_world=np.concatenate([p.cam_from_world for p in parts]),
+        scale_px_per_unit=np.concatenate([p.scale_px_per_unit for p in parts]),
+        translation_px=np.concatenate([p.translation_px for p in parts]),
+    )
+    sequence = np.argsort(order)
+    return np.array(order, dtype=np.int64)[sequence], merged.select(sequence)
+
+
+def refine(
+    cameras: OrthographicCameras,
+    images: Int,
+    observations: Observations,
+    options: RefinementOptions,
+    *,
+    rng: np.random.Generator,
+    seed: int = 0,
+    progress: Callable[[Round], None] | None = None,
+) -> Solution[Refined]:
+    """Filter from coarse to fine and adjust, until the last threshold.
+
+    Parameters
+    ----------
+    cameras : of `images` (numbers in `observations`), about 1 px per unit
+    observations : all of them, sorted by track
+
+    Returns
+    -------
+    Solution of Refined; status "too_few_observations" when the tracks do not support three images
+    """
+    rounds: list[Round] = []
+    fit: _Fit | None = None
+    thresholds = list(options.filter_thresholds_px)
+    for k, threshold in enumerate([*thresholds, thresholds[-1]]):
+        last = k >= len(thresholds) - 1
+        solver = SolverOptions(
+            max_iterations=options.max_iterations if last else EARLY_ITERATIONS,
+            cost_tolerance=1e-9 if last else 1e-4,
+            loss=options.loss,
+            loss_width=options.loss_width,
+        )
+        floor = 0.0
+        if fit is not None:
+            # a norm of two coordinates: sqrt(2) sigma is one standard deviation
+            floor = options.min_threshold_sigmas * np.sqrt(2.0) * fit.sigma_px
+            images, cameras = register_more(fit, observations, max(threshold, floor), options, rng)
+        allowed = max(threshold, floor)
+        fit = _adjust(cameras, images, observations, allowed, options, solver, seed)
+        if fit is None:
+            return Solution(
+                value=None,
+                status="too_few_observations",
+                message=f"fewer than three images keep {options.min_image_observations} "
+                f"observations within {allowed:.1f} px: the matches do not fit one rigid motion "
+                "under parallel projection",
+            )
+        images, cameras = fit.images, fit.cameras
+        rounds.append(
+            Round(
+                threshold_px=allowed,
+                num_observations=len(fit.observations),
+                num_points=len(fit.tracks),
+                num_images=len(images),
+                sigma_px=fit.sigma_px,
+                rms_px=float(np.sqrt(np.mean(fit.residuals**2))),
+            )
+        )
+        if progress is not None:
+            progress(rounds[-1])
+    assert fit is not None
+    return Solution(
+        value=Refined(
+            images=fit.images,
+            cameras=fit.cameras,
+            tracks=fit.tracks,
+            points=fit.points,
+            inlier=fit.inlier,
+            sigma_px=fit.sigma_px,
+            rounds=tuple(rounds),
+            observations=fit.observations,
+            state=fit.state,
+            model=fit.model,
+        )
+    )
