@@ -1,0 +1,136 @@
+"""The report as one self-contained page: no network, no other file.
+
+A content security policy forbids the page to load anything, so that it shows the same on a machine
+behind an instrument's firewall, and in ten years.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib import resources
+from typing import Any
+
+from semsfm_colmap.report.figures import DrawnFigure
+from semsfm_colmap.report.html_parts import bullets, hint, image, script_json, section, text
+from semsfm_colmap.report.html_tables import (
+    images_table,
+    pairs_table,
+    rounds_table,
+    run_tables,
+    summary,
+)
+from semsfm_colmap.report.inputs import ReportInputs
+from semsfm_colmap.report.options import ReportOptions
+from semsfm_colmap.report.scene import Scene, build_scene
+from semsfm_colmap.report.verdict import judge
+
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; font-src data:"
+)
+"""plotly.js compiles some of its shaders' helpers with `Function`, hence 'unsafe-eval'."""
+CAVEATS = (
+    "A small residual does not show a right depth, and a formal σ is not an accuracy: measure "
+    "something whose size you know."
+)
+SCENE_FIGURE = "scene"
+SECTIONS = (
+    ("scene-section", "Scene"), ("figures", "Figures"), ("images", "Images"), ("pairs", "Matches"),
+    ("rounds", "Filtering"), ("run", "Run"),
+)  # fmt: skip
+
+
+def _asset(name: str) -> str:
+    return resources.files("semsfm_colmap.report").joinpath("assets", name).read_text("utf-8")
+
+
+def _verdict(metrics: dict[str, Any]) -> str:
+    verdict = judge(metrics)
+    body = bullets(verdict.facts)
+    if verdict.doubts:
+        body += f'<div class="doubts"><h3>What to doubt</h3>{bullets(verdict.doubts)}</div>'
+    else:
+        body += "<h3>What to doubt</h3>" + bullets(["The checks of the report found nothing."])
+    if metrics["notes"]:
+        body += f"<h3>Notes from the run</h3>{bullets(metrics['notes'])}"
+    kind = "verdict doubtful" if verdict.doubts else "verdict"
+    return section("Verdict", body + hint(CAVEATS), anchor="verdict", kind=kind)
+
+
+def _scene(scene: Scene | None, picture: DrawnFigure | None) -> str:
+    if scene is None:
+        body = hint("There is nothing to show: no points, no mesh.")
+        return section("Scene", body, anchor="scene-section")
+    boxes = "".join(
+        f'<label><input type="checkbox" data-switch="{k}"{" checked" if s["on"] else ""}> '
+        f"{text(s['label'])}</label>"
+        for k, s in enumerate(scene.switches)
+    )
+    buttons = "".join(
+        f'<button type="button" data-view="{text(view)}">{text(view)}</button>'
+        for view in scene.views
+    )
+    body = (
+        f'<div class="controls on-screen">{boxes}<span class="gap"></span>{buttons}</div>'
+        '<div id="scene" class="scene on-screen"></div>'
+    )
+    if picture is not None and picture.png is not None:
+        body += f'<div class="on-paper">{image(picture.png, picture.caption)}</div>'
+    body += hint(
+        "Each frame stands for an image: the mark is its upper edge, its number shows on hover. "
+        "Parallel projection fixes the direction of view and the place within the image plane; "
+        "the distance and the size of the frames are arbitrary. Drag to turn, wheel to zoom, "
+        "right-drag to move. " + " ".join(scene.remarks)
+    )
+    return section("Scene", body, anchor="scene-section")
+
+
+def _figures(figures: Sequence[DrawnFigure]) -> str:
+    drawn = "".join(image(f.png, f.caption) for f in figures if f.png is not None)
+    absent = [f"Not drawn: {f.name.replace('_', ' ')}, {f.reason}." for f in figures if not f.png]
+    body = f'<div class="figures">{drawn}</div>' + "".join(hint(line) for line in absent)
+    return section("Figures", body, anchor="figures")
+
+
+def render_page(
+    inputs: ReportInputs,
+    metrics: dict[str, Any],
+    figures: Sequence[DrawnFigure],
+    options: ReportOptions | None = None,
+) -> str:
+    """The whole page as text."""
+    from plotly.offline import get_plotlyjs
+
+    options = options or ReportOptions()
+    scene = build_scene(inputs, options)
+    by_name = {figure.name: figure for figure in figures}
+    links = "".join(f'<a href="#{anchor}">{text(title)}</a>' for anchor, title in SECTIONS)
+    images_hint = hint(
+        "Angles are about the fitted axis, relative to the first registered image; scale is "
+        "relative to the median; σ is formal."
+    )
+    body = (
+        f"<h1>{text(inputs.title)}</h1><nav>{links}</nav>"
+        + _verdict(metrics)
+        + section("Summary", summary(metrics), anchor="summary")
+        + _scene(scene, by_name.get(SCENE_FIGURE))
+        + _figures([figure for figure in figures if figure.name != SCENE_FIGURE])
+        + section("Images", images_table(metrics) + images_hint, anchor="images")
+        + section("Matches", pairs_table(metrics, options.max_pair_rows), anchor="pairs")
+        + section("Filtering by reprojection error", rounds_table(metrics), anchor="rounds")
+        + section("Run", run_tables(metrics), anchor="run")
+    )
+    scripts = ""
+    if scene is not None:
+        scripts = (
+            script_json(asdict(scene), element_id="scene-data")
+            + f"<script>{get_plotlyjs()}</script><script>{_asset('report.js')}</script>"
+        )
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{text(POLICY)}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{text(inputs.title)}</title><style>{_asset('report.css')}</style></head>\n"
+        f"<body><main>{body}</main>{scripts}</body></html>\n"
+    )

@@ -1,0 +1,185 @@
+"""The summary and the tables of the page, from the metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from semsfm_colmap.report.html_parts import Row, definitions, hint, table
+from semsfm_colmap.report.verdict import number, percent, unit
+
+Metrics = dict[str, Any]
+
+
+def _with_nm(px: float | None, nm: float | None) -> str:
+    return f"{number(px)} px" + ("" if nm is None else f" = {number(nm)} nm")
+
+
+def _image_rows(m: Metrics) -> Iterator[tuple[str, str]]:
+    images, world, s = m["images"], m["world"], m["structure"]
+    yield "images registered", f"{number(images['num_registered'])} of {number(images['num_given'])}"
+    yield "world unit", unit(m)
+    if world["pixel_size_nm"] is not None:
+        yield "pixel size", f"{number(world['pixel_size_nm'], 4)} nm ({world['pixel_size_source']})"
+    yield "camera model", str(world["camera_model"]).replace("_", " ")
+    if world["aspect"] != 1.0 or world["skew"] != 0.0:
+        yield "aspect, skew", f"{number(world['aspect'], 5)}, {number(world['skew'], 2)}"
+    yield "points", number(s["num_points"])
+    yield "points in 3 or more images", number(s["num_points_in_3_or_more_images"])
+    yield "observations kept", number(s["num_observations"])
+    rejected = percent(s["rejected_fraction"])
+    yield "observations rejected", f"{number(s['num_rejected_observations'])} ({rejected})"
+    mean, median = number(s["mean_track_length"]), number(s["median_track_length"])
+    yield "images per point", f"{mean} mean, {median} median"
+    if "median_point_sigma_world" in s:
+        yield "σ of a point (median)", f"{number(s['median_point_sigma_world'])} {unit(m)}"
+
+
+def _residual_rows(m: Metrics) -> Iterator[tuple[str, str]]:
+    r = m["residuals"]
+    if not r["num_residuals"]:
+        return
+    yield "residual σ in x", _with_nm(r["sigma_x_px"], r["sigma_x_nm"])
+    yield "residual σ in y", _with_nm(r["sigma_y_px"], r["sigma_y_nm"])
+    yield "RMS per coordinate", _with_nm(r["rms_per_coordinate_px"], r["rms_per_coordinate_nm"])
+    yield "noise of a coordinate", _with_nm(r["noise_sigma_px"], r["noise_sigma_nm"])
+
+
+def _motion_rows(m: Metrics) -> Iterator[tuple[str, str]]:
+    rotation, sign = m["rotation"], m["depth_sign"]
+    if rotation["axis_camera"] is not None:
+        yield "rotation range", f"{number(rotation['range_deg'], 4)}°"
+        low, high = number(rotation["min_step_deg"]), number(rotation["max_step_deg"])
+        yield "steps", f"{number(rotation['median_step_deg'])}° median, {low}° to {high}°"
+        axis = ", ".join(f"{c:.3f}".replace("-", "−") for c in rotation["axis_camera"])
+        yield "rotation axis in the camera", f"({axis})"
+        rms, most = number(rotation["wobble_rms_deg"], 2), number(rotation["wobble_max_deg"], 2)
+        yield "wobble", f"{rms}° rms, {most}° at most"
+    yield "depth sign", f"{sign['status']}, {percent(sign['confidence'])}"
+
+
+def _surface_rows(m: Metrics) -> Iterator[tuple[str, str]]:
+    if m["cloud"] is not None:
+        yield "points of the dense cloud", number(m["cloud"]["num_points"])
+    mesh = m["mesh"]
+    if mesh is not None:
+        faces, vertices = number(mesh["num_faces"]), number(mesh["num_vertices"])
+        yield "mesh", f"{faces} faces, {vertices} vertices"
+        yield "mesh components, open edges", (
+            f"{number(mesh['num_components'])}, {number(mesh['num_open_edges'])}"
+        )
+        yield "mesh area", f"{number(mesh['area_world2'])} {unit(m)}²"
+    telecentric = m["telecentric"]
+    if telecentric:
+        yield "COLMAP focal length", f"{number(telecentric.get('focal_length_px'))} px"
+        deviation = number(telecentric.get("max_deviation_px"), 2)
+        yield "its departure from parallel rays", f"{deviation} px at most"
+
+
+def summary(m: Metrics) -> str:
+    """The key numbers."""
+    return definitions([*_image_rows(m), *_residual_rows(m), *_motion_rows(m), *_surface_rows(m)])
+
+
+IMAGE_HEADERS = (
+    "frame", "image", "points", "rejected", "RMS px", "angle °", "σ °", "step °", "wobble °",
+    "scale %", "to next: found", "verified", "all pairs: verified",
+)  # fmt: skip
+
+
+def images_table(m: Metrics) -> str:
+    """One row an image, in acquisition order."""
+    rows = []
+    for row in m["per_image"]:
+        relative = row.get("relative_scale")
+        scale = "–" if relative is None else f"{100.0 * (relative - 1.0):+.3f}".replace("-", "−")
+        name = row["name"] if row["registered"] else f"{row['name']} (not registered)"
+        cells = (
+            str(row["frame"]), name, number(row.get("num_observations")),
+            number(row.get("num_rejected_observations")), number(row.get("rms_px")),
+            _fixed(row.get("angle_deg"), 2), _fixed(row.get("sigma_angle_deg"), 3),
+            _fixed(row.get("step_deg"), 2), _fixed(row.get("wobble_deg"), 3), scale,
+            number(row["num_matches_to_next"]), number(row["num_verified_matches_to_next"]),
+            number(row["num_verified_matches"]),
+        )  # fmt: skip
+        rows.append(Row(cells=cells, absent=not row["registered"]))
+    return table(IMAGE_HEADERS, rows, text_columns=(1,))
+
+
+def _fixed(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}".replace("-", "−")
+
+
+def pairs_table(m: Metrics, max_rows: int) -> str:
+    """What the filters dropped overall, and the pairs that were rejected as a whole."""
+    matches = m["matches"]
+    if matches["num_pairs_tried"] == 0:
+        return hint("No matching statistics were given.")
+    lost = matches["rejected_fraction"]
+    body = definitions(
+        [
+            ("pairs tried", number(matches["num_pairs_tried"])),
+            ("pairs verified", number(matches["num_pairs_verified"])),
+            ("matches found", number(matches["num_matches"])),
+            ("matches verified", number(matches["num_verified_matches"])),
+            ("dropped as static background", percent(lost["static_background"])),
+            ("dropped by affine RANSAC", percent(lost["affine_ransac"])),
+            ("dropped by the distance filter", percent(lost["distance_filter"])),
+            ("dropped with rejected pairs", percent(lost["rejected_pairs"])),
+        ]
+    )
+    rejected = matches["rejected"]
+    if not rejected:
+        return body + hint("No pair was rejected as a whole.")
+    rows = [
+        Row(
+            cells=(
+                p["image_name_1"], p["image_name_2"], number(p["num_matches"]),
+                number(p["num_static_rejected"]), number(p["num_after_affine_ransac"]),
+                number(p["num_after_distance_filter"]), p["failure"],
+            )
+        )
+        for p in rejected[:max_rows]
+    ]  # fmt: skip
+    headers = (
+        "image", "image", "matches", "static", "after RANSAC", "after distance filter", "rejected because",
+    )  # fmt: skip
+    body += "<h3>Pairs rejected as a whole</h3>" + table(headers, rows, text_columns=(0, 1, 6))
+    if len(rejected) > max_rows:
+        body += hint(f"{len(rejected) - max_rows} more rejected pairs are listed in metrics.json.")
+    return body
+
+
+def rounds_table(m: Metrics) -> str:
+    """The graduated filtering of observations by reprojection error."""
+    rows = [
+        Row(
+            cells=(
+                str(k), number(r["threshold_px"]), number(r["num_kept"]), number(r["num_dropped"]),
+                percent(r["dropped_fraction"]),
+            )
+        )
+        for k, r in enumerate(m["filtering_rounds"], start=1)
+    ]  # fmt: skip
+    if not rows:
+        return hint("No filtering rounds were given.")
+    headers = ("round", "threshold px", "observations kept", "dropped", "dropped")
+    return table(headers, rows, text_columns=(), narrow=True)
+
+
+def run_tables(m: Metrics) -> str:
+    """Stage times, peak memory and versions."""
+    stages = [
+        Row(cells=(s["name"], number(s["seconds"]), number(s["peak_memory_mb"])))
+        for s in m["stages"]
+    ]
+    body = ""
+    if stages:
+        headers = ("stage", "seconds", "peak memory MB")
+        body += table(headers, stages, text_columns=(0,), narrow=True)
+    if m["versions"]:
+        rows = [Row(cells=(name, str(version))) for name, version in m["versions"].items()]
+        body += "<h3>Versions</h3>" + table(
+            ("package", "version"), rows, text_columns=(0, 1), narrow=True
+        )
+    return body or hint("No run record was given.")

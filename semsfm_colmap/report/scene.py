@@ -1,0 +1,207 @@
+"""The interactive scene as the JSON that plotly.js reads: points, cloud, mesh, camera frames.
+
+Data stay in the world frame of the exported model, with equal aspect; only the view is chosen: as
+in the first image, x right, y down, the viewer at -z. Since plotly's scenes are right-handed, eye
+``-R[2]`` and up ``-R[1]`` of the first camera put its ``R[0]`` to the right.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from semsfm_colmap.report.camera_frames import (
+    View,
+    find_view,
+    frame_centers,
+    frame_outlines,
+    inside_view,
+    labelled_frames,
+)
+from semsfm_colmap.report.frames import order_frames
+from semsfm_colmap.report.inputs import ReportInputs
+from semsfm_colmap.report.options import ReportOptions
+from semsfm_colmap.report.thinning import even_subset, thin_mesh
+from semsfm_colmap.report.verdict import number
+from semsfm_colmap.types import Array, Float, Int, Reconstruction, TriangleMesh
+
+EYE_DISTANCE = 2.0
+"""In plotly's units of the scene's cube; only its direction matters to a parallel projection."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """The scene, which of its traces belong to which switch, and what was left out."""
+
+    data: list[dict[str, Any]]
+    layout: dict[str, Any]
+    switches: list[dict[str, Any]]
+    """label, traces (indices), on (shown at first)"""
+    views: dict[str, dict[str, Any]]
+    """Camera of each view button."""
+    remarks: list[str]
+
+
+def packed(values: Array, dtype: str) -> dict[str, str]:
+    """An array as plotly.js takes it: base64 of little-endian numbers."""
+    raw = np.ascontiguousarray(values, dtype=f"<{dtype}").tobytes()
+    return {"dtype": dtype, "bdata": base64.b64encode(raw).decode("ascii")}
+
+
+def hex_colors(rgb: Array) -> list[str]:
+    """(N, 3) uint8 -> ``#rrggbb``."""
+    return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in rgb.tolist()]
+
+
+def _xyz(points: Float) -> dict[str, Any]:
+    return {letter: packed(points[:, k], "f4") for k, letter in enumerate("xyz")}
+
+
+def _point_trace(points: Float, color: Any, *, size: float, shown: bool) -> dict[str, Any]:
+    marker: dict[str, Any] = {"size": size, "color": color, "line": {"width": 0}}
+    if isinstance(color, dict):
+        marker["colorscale"] = "Viridis"
+    return {
+        "type": "scatter3d", "mode": "markers", **_xyz(points), "marker": marker,
+        "hoverinfo": "skip", "visible": shown,
+    }  # fmt: skip
+
+
+def _point_traces(
+    points: Float, colors: Array | None, view: View, towards: Float, shown: bool, max_points: int
+) -> tuple[dict[str, Any], str]:
+    """Thin the points in view; without colours, colour them by depth in the first image."""
+    seen = np.flatnonzero(inside_view(points, view))
+    idx = seen[even_subset(len(seen), max_points)]
+    color = packed(points[idx] @ towards, "f4") if colors is None else hex_colors(colors[idx])
+    size = 1.6 if len(idx) > 8000 else 2.4
+    stray = len(points) - len(seen)
+    remark = f"{number(len(idx))} of {number(len(points))}"
+    remark += f" ({number(stray)} far from the object left out)" if stray else ""
+    return _point_trace(points[idx], color, size=size, shown=shown), remark
+
+
+def _mesh_trace(mesh: TriangleMesh, viewer: Float, *, shown: bool) -> dict[str, Any]:
+    trace = {
+        "type": "mesh3d", **_xyz(mesh.vertices), "hoverinfo": "skip", "visible": shown,
+        "lighting": {"ambient": 0.45, "diffuse": 0.75, "specular": 0.1, "roughness": 0.9},
+        "lightposition": {letter: float(1e5 * v) for letter, v in zip("xyz", viewer, strict=True)},
+    }  # fmt: skip
+    trace |= {letter: packed(mesh.faces[:, k], "i4") for k, letter in enumerate("ijk")}
+    if mesh.vertex_colors is None:
+        return trace | {"color": "#b5bfcc", "flatshading": len(mesh.faces) < 2000}
+    return trace | {"vertexcolor": hex_colors(mesh.vertex_colors)}
+
+
+def _camera_traces(
+    rec: Reconstruction, order: Int, numbers: Int, names: list[str], view: View
+) -> list[dict[str, Any]]:
+    """The frames in one line with gaps, their centres to hover over, and some numbers."""
+    outlines = frame_outlines(rec, view)[order]
+    gap = np.full((len(order), 1, 3), np.nan)
+    lines = np.concatenate([outlines, gap], axis=1)
+    color = np.repeat(numbers.astype(float), lines.shape[1])
+    centers = frame_centers(rec, view)[order]
+    labelled = labelled_frames(numbers)
+    return [
+        {
+            "type": "scatter3d", "mode": "lines", **_xyz(lines.reshape(-1, 3)),
+            "line": {"width": 3, "color": packed(color, "f4"), "colorscale": "Portland"},
+            "connectgaps": False, "hoverinfo": "skip",
+        },
+        {
+            "type": "scatter3d", "mode": "markers", **_xyz(centers),
+            "marker": {"size": 5, "color": "#4a5568", "opacity": 0.6},
+            "text": [f"{n}: {html.escape(name)}" for n, name in zip(numbers, names, strict=True)],
+            "hovertemplate": "%{text}<extra></extra>",
+        },
+        {
+            "type": "scatter3d", "mode": "text", **_xyz(outlines[labelled, 2]),
+            "text": [str(n) for n in numbers[labelled]], "hoverinfo": "skip",
+            "textfont": {"size": 13, "color": "#1a202c"},
+        },
+    ]  # fmt: skip
+
+
+def _look(eye: Float, up: Float) -> dict[str, Any]:
+    def xyz(v: Float) -> dict[str, float]:
+        return {letter: float(c) for letter, c in zip("xyz", v, strict=True)}
+
+    return {
+        "eye": xyz(EYE_DISTANCE * eye), "up": xyz(up), "center": xyz(np.zeros(3)),
+        "projection": {"type": "orthographic"},
+    }  # fmt: skip
+
+
+def _layout(unit: str, camera: dict[str, Any]) -> dict[str, Any]:
+    axis = {"showbackground": False, "gridcolor": "#dde3ea", "zerolinecolor": "#dde3ea"}
+    scene: dict[str, Any] = {
+        f"{letter}axis": {**axis, "title": {"text": f"{letter} [{unit}]"}} for letter in "xyz"
+    }
+    scene |= {"aspectmode": "data", "camera": camera, "dragmode": "orbit"}
+    return {
+        "scene": scene, "showlegend": False, "paper_bgcolor": "#ffffff", "autosize": True,
+        "margin": {"l": 0, "r": 0, "t": 0, "b": 0}, "uirevision": "keep",
+        "font": {"family": "system-ui, sans-serif", "size": 12},
+    }  # fmt: skip
+
+
+def build_scene(inputs: ReportInputs, options: ReportOptions | None = None) -> Scene | None:
+    """All traces of the scene; None when there is nothing to show."""
+    options = options or ReportOptions()
+    rec, mesh, cloud = inputs.reconstruction, inputs.mesh, inputs.cloud
+    seen = rec.track_length() >= 1
+    points = rec.points[seen]
+    shape = [points, *([] if cloud is None else [cloud.points])]
+    shape += [] if mesh is None else [mesh.vertices]
+    solid = next((p for p in shape if len(p)), None)
+    if solid is None:
+        return None
+    view = find_view(solid)
+    frames = order_frames(inputs)
+    R = rec.cameras.cam_from_world[frames.image_idx[0]] if rec.num_images else np.eye(3)
+    limit = options.max_scene_points
+    data: list[dict[str, Any]] = []
+    switches: list[dict[str, Any]] = []
+    remarks: list[str] = []
+
+    def add(label: str, traces: list[dict[str, Any]], shown: bool) -> None:
+        at = list(range(len(data), len(data) + len(traces)))
+        switches.append({"label": label, "traces": at, "on": shown})
+        data.extend(traces)
+
+    if len(points):
+        colors = None if rec.point_color is None else rec.point_color[seen]
+        trace, remark = _point_traces(points, colors, view, R[2], True, limit)
+        add("points", [trace], True)
+        remarks.append(f"Points: {remark}.")
+    if cloud is not None and len(cloud.points):
+        shown = not len(points)
+        trace, remark = _point_traces(cloud.points, cloud.colors, view, R[2], shown, limit)
+        add("dense cloud", [trace], shown)
+        remarks.append(f"Dense cloud: {remark}.")
+    if mesh is not None and len(mesh.faces):
+        thin = thin_mesh(mesh, options.max_scene_faces)
+        shown = not switches
+        add("mesh", [_mesh_trace(thin, -R[2] - 0.5 * R[1] - 0.3 * R[0], shown=shown)], shown)
+        remarks.append(f"Mesh: {number(len(thin.faces))} of {number(len(mesh.faces))} faces.")
+    if rec.num_images:
+        names = [frames.names[k] for k in frames.registered]
+        add("cameras", _camera_traces(rec, frames.image_idx, frames.numbers, names, view), True)
+    views = {
+        "as in the first image": _look(-R[2], -R[1]),
+        "from the right": _look(R[0], -R[1]),
+        "from above": _look(-R[1], R[2]),
+        "oblique": _look(_unit(-R[2] - 0.7 * R[1] + 0.6 * R[0]), -R[1]),
+    }
+    unit = {"um": "µm"}.get(rec.world_unit, rec.world_unit)
+    layout = _layout(unit, views["as in the first image"])
+    return Scene(data=data, layout=layout, switches=switches, views=views, remarks=remarks)
+
+
+def _unit(v: Float) -> Float:
+    return np.asarray(v / np.linalg.norm(v))
