@@ -1,0 +1,103 @@
+"""Options of the synthetic series, and the preset of the small example."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+SceneName = Literal["grain", "field", "clump"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SynthesizeOptions:
+    """What is rendered, how it is turned, and what the microscope adds to it.
+
+    Where a default is None the scene brings its own.
+    """
+
+    scene: SceneName = "grain"
+    """A spiny pollen grain on a stalk, a rough electroplated field that fills the frame and is
+    tilted, or a clump of spores on a helical ribbon that turns it."""
+    seed: int = 7
+    """Seed of the specimen, the motion and the noise: the same seed gives the same bytes."""
+
+    num_images: int | None = None
+    """Number of images; default: grain 48, field 13, clump 72."""
+    range_deg: float | None = None
+    """Angle between the first and the last image; default: grain 180, field 60, clump 355."""
+    step_deg: float | None = None
+    """Angle between consecutive images, instead of range_deg."""
+    start_deg: float | None = None
+    """Angle of the first image; default: grain and clump 0, field half the range below 0."""
+    rotation_axis: Literal["x", "y"] | None = None
+    """Image axis nearest to the axis of rotation; default: grain y, field and clump x."""
+    axis_error_deg: float = 1.0
+    """Standard deviation of the angle between the axis of rotation and that image axis."""
+    step_error_deg: float = 0.1
+    """Standard deviation of an angle against its nominal value."""
+    wobble_deg: float = 0.15
+    """Standard deviation of the rotation left over beside the turn, about each axis."""
+    stage_drift_px: float = 8.0
+    """Standard deviation of the shift from one image to the next, in both directions."""
+    magnification_drift: float = 0.0005
+    """Relative change of the magnification from the first image to the last."""
+
+    width_px: int = 1024
+    """Width of the images."""
+    height_px: int = 768
+    """Height of the images, databar included."""
+    databar: bool = True
+    """Burn a databar into the bottom rows, as microscopes do."""
+    databar_rows: int = 60
+    """Height of the databar."""
+    zoom: float = 1.0
+    """Magnification relative to the natural framing of the scene."""
+    pixel_size_um: float | None = None
+    """Size of a pixel; default: what gives the specimen its natural size."""
+
+    supersampling: int = 2
+    """Rays per pixel along each axis."""
+    mesh_edge_px: float = 1.5
+    """Length of the edges of the specimen's triangles; what is finer is not there."""
+    albedo_contrast: float = 0.12
+    """Standard deviation of the relative brightness of the material, apart from its relief."""
+    secant_exponent: float = 0.95
+    """Brightness grows with this power of 1 / cos of the angle between normal and beam."""
+    detector_strength: float = 0.45
+    """How much brighter is what faces the detector, and darker what faces away."""
+    edge_strength: float = 0.3
+    """Brightening of ridges and darkening of grooves."""
+    thin_strength: float = 0.6
+    """Brightening of parts thinner than the range of the electrons."""
+    cavity_strength: float = 0.75
+    """Darkening of cavities that electrons do not escape from, 0 to 1."""
+    shadowing: float = 0.0
+    """Darkness of the shadow on what has no straight way to the detector, 0 to 1."""
+
+    counts: float = 220.0
+    """Electrons counted in a pixel of grey value 0.4: the shot noise."""
+    psf_px: float = 0.8
+    """Standard deviation of the beam profile, varied by 10 % between images."""
+    gain_change: float = 0.06
+    """Standard deviation of the relative brightness between images."""
+    row_jitter_px: float = 0.1
+    """Standard deviation of the sideways displacement of each scan line."""
+    frame_drift_px: float = 0.2
+    """Standard deviation of the drift between the first scan line and the last."""
+
+    degrees_per_um: float = 171.3
+    """Rotation of the helical ribbon per displacement of its actuator; clump only."""
+    displacement_noise_um: float = 0.001
+    """Standard deviation of the recorded displacement; clump only."""
+
+    image_format: Literal["png", "tif"] = "png"
+    """File format of the images."""
+    zeiss_header: bool = True
+    """Write the header of a Zeiss microscope with pixel size and stage tilt; tif only."""
+
+
+def example_options() -> SynthesizeOptions:
+    """The small example: 24 images of a spiny grain, 640 x 480 above a databar, 115 degrees."""
+    return SynthesizeOptions(
+        scene="grain", num_images=24, step_deg=5.0, width_px=640, height_px=520, databar_rows=40
+    )
