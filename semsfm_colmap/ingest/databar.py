@@ -40,6 +40,8 @@ INK_CONTRAST = 50
 INK_RANGE = (0.002, 0.5)
 """Part of the bar that is writing."""
 MIN_INK_ROWS = 6
+MIN_DRAWN_ROWS = 0.95
+"""Part of the rows of a bar of known height that must look drawn."""
 MAX_FLOAT = 0.012
 """Part of the height that image rows may take below a floating databar."""
 LOSSY_TOLERANCE = 10
@@ -75,6 +77,17 @@ def find_databar(pixels: Array, *, lossy: bool = False) -> int | None:
         if below_image or below_other_value:
             return first + row if _has_writing(part[row : last + 1], tolerance) else None
     return None
+
+
+def looks_drawn(pixels: Array, row: int, *, lossy: bool = False) -> bool:
+    """Whether nearly all rows from `row` on are mostly one value, as in a databar."""
+    part = _to_levels(pixels)[row:].astype(np.int16)
+    if len(part) < MIN_ROWS:
+        return False
+    tolerance = LOSSY_TOLERANCE if lossy else 1
+    mode = np.array([_mode(values, tolerance) for values in part])
+    fraction = (np.abs(part - mode[:, None]) <= tolerance).mean(axis=1)
+    return bool((fraction >= MIN_BACKGROUND).mean() >= MIN_DRAWN_ROWS)
 
 
 def agree_on_databar(rows: Sequence[int | None]) -> int | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.ingest.databar import agree_on_databar, find_databar
+from semsfm_colmap.ingest.databar import agree_on_databar, find_databar, looks_drawn
 from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.raster import (
@@ -150,8 +150,13 @@ def check_crop(crop: tuple[int, int, int, int]) -> Crop:
 
 def _databar_row(raw: RawImage, reading: MetadataReading) -> tuple[int | None, str | None]:
     """The databar's first row from the pixels, checked against what the vendor says."""
-    seen = find_databar(raw.pixels, lossy=raw.header.format == "jpeg")
+    lossy = raw.header.format == "jpeg"
+    seen = find_databar(raw.pixels, lossy=lossy)
     said = reading.image_rows
+    if said is None and reading.databar_rows is not None:
+        # The bar may have been cut off since: believe the number only if the rows look drawn.
+        row = raw.pixels.shape[0] - reading.databar_rows
+        said = row if looks_drawn(raw.pixels, row, lossy=lossy) else None
     if said is None or seen == said:
         return seen, None
     if seen is None:

@@ -8,12 +8,12 @@ own section is used.
 from __future__ import annotations
 
 import re
-from math import pi
 
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.scale import stored_pixel_size
 from semsfm_colmap.ingest.metadata.tags import FEI_HELIOS, FEI_SFEG, FEI_XML
 from semsfm_colmap.ingest.metadata.text import (
+    MAX_ANGLE_RAD,
     Sections,
     decode,
     flag,
@@ -25,7 +25,6 @@ from semsfm_colmap.ingest.metadata.xml import flatten_xml
 from semsfm_colmap.ingest.raster import ImageHeader
 
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9]{0,30}")
-MAX_ANGLE_RAD = 4 * pi
 
 
 def read(tags: dict[int, bytes], header: ImageHeader) -> MetadataReading:

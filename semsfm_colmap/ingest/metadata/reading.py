@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from semsfm_colmap.types import SemMetadata
@@ -16,7 +16,15 @@ class MetadataReading:
     vendor: str = ""
     image_rows: int | None = None
     """Rows of the image proper where the vendor states that a databar is below them."""
+    databar_rows: int | None = None
+    """Rows of the databar where the vendor gives them but not whether it is still there."""
+    scale_bar_um: float | None = None
+    """What is written at the burnt-in scale bar."""
     warnings: tuple[str, ...] = ()
+
+    def with_warnings(self, warnings: tuple[str, ...]) -> MetadataReading:
+        """The same reading with other warnings."""
+        return replace(self, warnings=warnings)
 
 
 class Collector:
@@ -28,6 +36,8 @@ class Collector:
         self.source: dict[str, str] = {}
         self.warnings: list[str] = []
         self.image_rows: int | None = None
+        self.databar_rows: int | None = None
+        self.scale_bar_um: float | None = None
 
     def put(self, field_name: str, value: Any, source: str) -> None:
         """Keep a value unless it is None or the field has one."""
@@ -45,5 +55,7 @@ class Collector:
             metadata=SemMetadata(**self.values, source=dict(self.source)),
             vendor=self.vendor,
             image_rows=self.image_rows,
+            databar_rows=self.databar_rows,
+            scale_bar_um=self.scale_bar_um,
             warnings=tuple(self.warnings),
         )

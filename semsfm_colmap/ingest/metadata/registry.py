@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
-from semsfm_colmap.ingest.metadata import fei, zeiss
-from semsfm_colmap.ingest.metadata.reading import MetadataReading
-from semsfm_colmap.ingest.metadata.tags import FEI_HELIOS, FEI_SFEG, FEI_XML, ZEISS, read_raw_tags
+from semsfm_colmap.ingest.metadata import fei, jeol, tescan, zeiss
+from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
+from semsfm_colmap.ingest.metadata.sidecar import read_sidecar
+from semsfm_colmap.ingest.metadata.tags import (
+    DESCRIPTION,
+    FEI_HELIOS,
+    FEI_SFEG,
+    FEI_XML,
+    TESCAN,
+    ZEISS,
+    read_raw_tags,
+)
+from semsfm_colmap.ingest.metadata.text import decode
 from semsfm_colmap.ingest.raster import ImageHeader
 
-Reader = Callable[[dict[int, bytes], ImageHeader], MetadataReading]
-BY_TAG: dict[int, Reader] = {
-    ZEISS: zeiss.read,
-    FEI_HELIOS: fei.read,
-    FEI_SFEG: fei.read,
-    FEI_XML: fei.read,
+EXPECTED = {
+    "pixel_size_um": "pixel size",
+    "tilt_rad": "stage tilt",
+    "working_distance_um": "working distance",
+    "beam_energy_kev": "beam energy",
+    "instrument": "instrument",
+    "detector": "detector",
 }
+STRAY_TEXT_BYTES = 1 << 16
+"""Where a TIFF's directory is damaged, FEI's text is still looked for in this much of its end."""
 
 
 def read_metadata(path: Path, header: ImageHeader) -> MetadataReading:
@@ -24,11 +36,65 @@ def read_metadata(path: Path, header: ImageHeader) -> MetadataReading:
 
     Headers are foreign data: whatever goes wrong in one becomes a warning of its file.
     """
+    problem = None
+    reading = None
     try:
         tags = read_raw_tags(path, header.page) if header.format == "tiff" else {}
+        reading = read_tags(tags, header)
     except Exception as error:  # a hostile directory may raise anything
-        return MetadataReading(warnings=(f"the TIFF tags cannot be read ({error})",))
-    for code, reader in BY_TAG.items():
-        if code in tags:
-            return reader(tags, header)
-    return MetadataReading()
+        problem = f"the TIFF tags cannot be read ({error})"
+    if reading is None:
+        reading = read_sidecar(path, header)
+    if reading is None and header.format == "tiff":
+        reading = _read_stray_text(path, header)
+    if reading is None:
+        return MetadataReading(warnings=(problem,) if problem else ())
+    return _with_missing(reading, problem)
+
+
+def read_tags(tags: dict[int, bytes], header: ImageHeader) -> MetadataReading | None:
+    """Metadata from the raw tags of a TIFF; None where no vendor is recognised."""
+    if ZEISS in tags:
+        return zeiss.read(tags, header)
+    if any(code in tags for code in (FEI_HELIOS, FEI_SFEG, FEI_XML)):
+        return fei.read(tags, header)
+    if TESCAN in tags:
+        sections = tescan.parse_tag(tags[TESCAN])
+        if sections:
+            return tescan.read(sections, f"TESCAN {TESCAN}", header)
+    if DESCRIPTION in tags:
+        values = jeol.parse(decode(tags[DESCRIPTION]))
+        if values:
+            return jeol.read(values, "ImageDescription", header)
+    return None
+
+
+def _read_stray_text(path: Path, header: ImageHeader) -> MetadataReading | None:
+    """FEI's text at the end of a file whose directory does not lead to it any more."""
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(max(0, size - STRAY_TEXT_BYTES))
+        end = file.read(STRAY_TEXT_BYTES)
+    start = end.find(b"[User]")
+    if start < 0 or not any(mark in end for mark in (b"[EBeam]", b"[Beam]", b"[Scan]")):
+        return None
+    out = Collector("FEI")
+    fei.read_text(decode(end[start:]), "FEI text outside its tag", header, out)
+    out.warn("the TIFF directory is damaged: the header was found as text at the end of the file")
+    return out.reading()
+
+
+def _with_missing(reading: MetadataReading, problem: str | None) -> MetadataReading:
+    """Add what the vendor's header should hold and does not."""
+    missing = [words for name, words in EXPECTED.items() if getattr(reading.metadata, name) is None]
+    warnings = list(reading.warnings)
+    if problem:
+        warnings.append(problem)
+    if reading.metadata.tilt_corrected:
+        warnings.append(
+            "tilt correction was on: the image is stretched along y by the microscope, which no "
+            "rotation explains; record the series with it off"
+        )
+    if missing:
+        warnings.append(f"the {reading.vendor} header records no {', '.join(missing)}")
+    return reading.with_warnings(tuple(warnings))

@@ -14,15 +14,15 @@ FEI_HELIOS = 34682
 FEI_XML = 34683
 TESCAN = 50431
 VENDOR_TAGS = (ZEISS, FEI_SFEG, FEI_HELIOS, FEI_XML, TESCAN)
-TEXT_TAGS = {270: "ImageDescription", 271: "Make", 272: "Model", 305: "Software"}
+DESCRIPTION = 270
 
 
 def read_raw_tags(path: Path, page: int) -> dict[int, bytes]:
-    """Bytes of the vendor tags and of the plain text tags of one page."""
+    """Bytes of the vendor tags and of the description of one page."""
     tags: dict[int, bytes] = {}
     with open_tiff(path) as tiff:
         for tag in tiff.pages[page].tags:
-            if tag.code in VENDOR_TAGS or tag.code in TEXT_TAGS:
+            if tag.code in VENDOR_TAGS or tag.code == DESCRIPTION:
                 tags.setdefault(tag.code, _raw_bytes(tiff.filehandle, tag))
     return tags
 

@@ -14,6 +14,7 @@ MAX_TEXT_BYTES = 1 << 22
 MAX_LINE = 4096
 MAX_NUMBER = 1e15
 """Larger magnitudes than this occur in no unit that a microscope writes."""
+MAX_ANGLE_RAD = 4 * math.pi
 _NUMBER = re.compile(r"[+-]?(?:\d{1,40}(?:[.,]\d{0,40})?|[.,]\d{1,40})(?:[eE][+-]?\d{1,4})?")
 
 LENGTH_UM = {
@@ -28,18 +29,22 @@ LENGTH_UM = {
     "\u00c5": 1e-4,
     "a": 1e-4,
 }
-VOLTAGE_KEV = {"v": 1e-3, "kv": 1.0, "mv": 1e-6, "ev": 1e-3, "kev": 1.0}
+VOLTAGE_KEV = {"v": 1e-3, "volt": 1e-3, "kv": 1.0, "mv": 1e-6, "ev": 1e-3, "kev": 1.0}
 
 Sections = Mapping[str, Mapping[str, str]]
 
 
 def decode(raw: bytes) -> str:
-    """Header bytes as text: UTF-8 if valid, else the Windows code page the vendors used."""
-    raw = raw[:MAX_TEXT_BYTES].split(b"\x00\x00\x00\x00")[0].replace(b"\x00", b"")
+    """Header bytes as text: UTF-16 or UTF-8 if valid, else the code page of western Windows."""
+    raw = raw[:MAX_TEXT_BYTES]
+    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return raw.decode("utf-16", "replace")
+    raw = raw.split(b"\x00\x00\x00\x00")[0].replace(b"\x00", b"")
     try:
-        return raw.decode("utf-8")
+        return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return raw.decode("cp1252", "replace")
+        # The Japanese code page writes a micro sign as 83 CA.
+        return raw.replace(b"\x83\xca", b"\xb5").decode("cp1252", "replace")
 
 
 def lines_of(text: str) -> Iterator[str]:
@@ -88,6 +93,26 @@ def length_um(text: str | None, default_unit: str = "") -> float | None:
     value, unit = number_and_unit(text)
     factor = LENGTH_UM.get(unit or default_unit)
     return None if value is None or factor is None else value * factor
+
+
+def voltage_kev(text: str | None, default_unit: str = "") -> float | None:
+    """A voltage with its unit in kV, which is the beam energy in keV."""
+    value, unit = number_and_unit(text)
+    factor = VOLTAGE_KEV.get(unit or default_unit)
+    return positive(None if value is None or factor is None else value * factor)
+
+
+def angle_rad(text: str | None, default_unit: str = "deg") -> float | None:
+    """An angle with its unit in radians; None where it exceeds two turns or has another unit."""
+    value, unit = number_and_unit(text)
+    unit = unit or default_unit
+    if value is None:
+        return None
+    if unit in ("deg", "degree", "degrees", "\u00b0"):
+        value = math.radians(value)
+    elif unit not in ("rad", "radian", "radians"):
+        return None
+    return value if abs(value) <= MAX_ANGLE_RAD else None
 
 
 def positive(value: float | None) -> float | None:

@@ -2,19 +2,19 @@
 
 ``AP_PIXEL_SIZE`` is the pixel of a display 1024 px wide, whatever the stored image; the stored
 pixel is ``AP_IMAGE_PIXEL_SIZE``, which older versions do not write, and in any case
-``AP_WIDTH`` over the stored width. Stage angles are in degrees.
+``AP_WIDTH`` over the stored width. Before the pairs stand unnamed numbers in SI units, of which
+the fourth is the display's pixel again, with more digits. Stage angles are in degrees.
 """
 
 from __future__ import annotations
 
 import re
-from math import radians
 
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.scale import stored_pixel_size
 from semsfm_colmap.ingest.metadata.tags import ZEISS
 from semsfm_colmap.ingest.metadata.text import (
-    VOLTAGE_KEV,
+    angle_rad,
     decode,
     flag,
     length_um,
@@ -22,11 +22,14 @@ from semsfm_colmap.ingest.metadata.text import (
     number,
     number_and_unit,
     positive,
+    voltage_kev,
 )
 from semsfm_colmap.ingest.raster import ImageHeader
 
 DISPLAY_WIDTH = 1024
 """Pixels that ``AP_PIXEL_SIZE`` refers to."""
+ROUNDING = 1e-3
+"""Headers show 4 digits."""
 _KEY = re.compile(r"[A-Z]{2}_[A-Z0-9_]{1,60}")
 
 
@@ -56,10 +59,7 @@ def read(tags: dict[int, bytes], header: ImageHeader) -> MetadataReading:
         return None if um is None else (um, tag + key)
 
     pixel = sized("AP_IMAGE_PIXEL_SIZE")
-    field_width = sized("AP_WIDTH")
-    display = sized("AP_PIXEL_SIZE")
-    if pixel is None and field_width is None and display is not None:
-        field_width = (display[0] * DISPLAY_WIDTH, f"{display[1]} x {DISPLAY_WIDTH}")
+    field_width = _field_width(sized("AP_WIDTH"), sized("AP_PIXEL_SIZE"), tags[ZEISS])
     size = stored_pixel_size(
         width=header.width,
         height=header.height,
@@ -73,8 +73,8 @@ def read(tags: dict[int, bytes], header: ImageHeader) -> MetadataReading:
     if size.warning:
         out.warn(size.warning)
     for name, key in (("tilt_rad", "AP_STAGE_AT_T"), ("stage_rotation_rad", "AP_STAGE_AT_R")):
-        out.put(name, _angle(values.get(key)), tag + key)
-    scan_rotation = _angle(values.get("AP_SCANROTATION"))
+        out.put(name, angle_rad(values.get(key)), tag + key)
+    scan_rotation = angle_rad(values.get("AP_SCANROTATION"))
     if flag(values.get("DP_SCAN_ROT")) is False:
         out.put("scan_rotation_rad", 0.0, tag + "DP_SCAN_ROT")
     out.put("scan_rotation_rad", scan_rotation, tag + "AP_SCANROTATION")
@@ -83,9 +83,7 @@ def read(tags: dict[int, bytes], header: ImageHeader) -> MetadataReading:
         out.put("stage_xyz_um", tuple(xyz), tag + "AP_STAGE_AT_X, _Y, _Z")
     out.put("working_distance_um", positive(length_um(values.get("AP_WD"))), tag + "AP_WD")
     for key in ("AP_ACTUALKV", "AP_MANUALKV"):
-        volts, unit = number_and_unit(values.get(key))
-        if volts is not None and unit in VOLTAGE_KEV:
-            out.put("beam_energy_kev", positive(volts * VOLTAGE_KEV[unit]), tag + key)
+        out.put("beam_energy_kev", voltage_kev(values.get(key)), tag + key)
     out.put("magnification", _magnification(values.get("AP_MAG")), tag + "AP_MAG")
     for name, keys in (
         ("instrument", ("DP_SEM", "SV_SERIAL_NUMBER")),
@@ -100,11 +98,21 @@ def read(tags: dict[int, bytes], header: ImageHeader) -> MetadataReading:
     return out.reading()
 
 
-def _angle(text: str | None) -> float | None:
-    degrees, unit = number_and_unit(text)
-    if degrees is None or abs(degrees) > 720:
+def _field_width(
+    written: tuple[float, str] | None, display_pixel: tuple[float, str] | None, raw: bytes
+) -> tuple[float, str] | None:
+    """Width of the field of view in um: the most precise of the places that agree on it."""
+    source = f"CZ_SEM 4th number x {DISPLAY_WIDTH}"
+    numbers = [number(line) for _, line in zip(range(4), lines_of(decode(raw)), strict=False)]
+    if len(numbers) == 4 and numbers[3] is not None and 0 < numbers[3] < 1e-2:
+        precise = numbers[3] * 1e6 * DISPLAY_WIDTH
+        if written is None or abs(precise / written[0] - 1) <= ROUNDING:
+            return precise, source
+    if written is not None:
+        return written
+    if display_pixel is None:
         return None
-    return degrees if unit.startswith("rad") else radians(degrees)
+    return display_pixel[0] * DISPLAY_WIDTH, f"{display_pixel[1]} x {DISPLAY_WIDTH}"
 
 
 def _magnification(text: str | None) -> float | None:
