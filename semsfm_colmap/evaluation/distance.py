@@ -1,0 +1,146 @@
+"""Distances of points to a triangle surface, with a sign that open surfaces have too."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+
+from semsfm_colmap.errors import MissingDependencyError
+from semsfm_colmap.types import Array, Float, Int, OrthographicCameras, TriangleMesh
+
+NUM_PROBES = 64
+"""Rays along each axis of an image that tell the outside of a surface."""
+MAX_PROBED_CAMERAS = 4
+LIFT = 1e-3
+"""Start of a visibility ray above its surface, relative to the size of the surface."""
+
+
+class Surface:
+    """A triangle surface that answers for distances and visibility.
+
+    The sign of a distance is that of ``(p - q) . n(q)`` with q the closest point and n the
+    angle-weighted vertex normals interpolated there [Baerentzen, Aanaes, IEEE TVCG 11(3), 2005]:
+    on a vertex, where the normal of one triangle may mislead, that is exact, and it needs no
+    inside.
+    """
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        o3d = _open3d()
+        self._tensor = o3d.core.Tensor
+        self._scene = o3d.t.geometry.RaycastingScene()
+        self._scene.add_triangles(
+            self._tensor(mesh.vertices.astype(np.float32)),
+            self._tensor(mesh.faces.astype(np.uint32)),
+        )
+        self._mesh = mesh
+        self._normals = angle_weighted_normals(mesh.vertices, mesh.faces)
+        self._sign = 1.0
+
+    def orient(self, cameras: OrthographicCameras, image_size_px: tuple[int, int]) -> None:
+        """Let the side that the cameras see be the outside, whatever way the faces turn."""
+        facing = []
+        for i in np.unique(np.linspace(0, len(cameras) - 1, MAX_PROBED_CAMERAS).astype(int)):
+            u, v = ((np.arange(NUM_PROBES) + 0.5) / NUM_PROBES * n for n in image_size_px)
+            grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+            A = cameras.projection[i]
+            direction = cameras.viewing_direction[i]
+            near = float((self._mesh.vertices @ direction).min()) - 1.0
+            origin = (grid - cameras.translation_px[i]) @ np.linalg.pinv(A).T + near * direction
+            answer = self._scene.cast_rays(self._rays(origin, direction))
+            hit = np.isfinite(answer["t_hit"].numpy())
+            facing.append(answer["primitive_normals"].numpy()[hit] @ direction < 0)
+        seen = np.concatenate(facing)
+        self._sign = -1.0 if seen.size and seen.mean() < 0.5 else 1.0
+
+    def signed_distance(self, points: Float) -> Float:
+        """Distance of each point to the surface, positive outside: (N, 3) -> (N,)."""
+        if not len(points):
+            return np.zeros(0)
+        answer = self._scene.compute_closest_points(self._tensor(points.astype(np.float32)))
+        away = points - answer["points"].numpy()
+        corner = self._mesh.faces[answer["primitive_ids"].numpy().astype(np.int64)]
+        u, v = answer["primitive_uvs"].numpy().T[:, :, None]
+        n = self._normals
+        normal = (1.0 - u - v) * n[corner[:, 0]] + u * n[corner[:, 1]] + v * n[corner[:, 2]]
+        outside = np.where(np.sum(away * normal, axis=1) < 0, -1.0, 1.0)
+        return np.asarray(self._sign * outside * np.linalg.norm(away, axis=1))
+
+    def distance(self, points: Float) -> Float:
+        """Distance of each point to the surface: (N, 3) -> (N,)."""
+        return np.abs(self.signed_distance(points))
+
+    def visible_samples(
+        self, cameras: OrthographicCameras, image_size_px: tuple[int, int], num: int
+    ) -> Float:
+        """Points spread evenly over the part of the surface that any of the cameras sees.
+
+        Parameters
+        ----------
+        cameras : of the images
+        image_size_px : width, height
+        num : points on the whole surface, of which those that are seen are returned
+
+        Returns
+        -------
+        (K, 3), K <= num
+        """
+        points, normals = self._samples(num)
+        normals = self._sign * normals
+        lift = LIFT * float(np.ptp(points, axis=0).max())
+        seen = np.zeros(len(points), dtype=bool)
+        for i, direction in enumerate(cameras.viewing_direction):
+            xy = cameras.project(points, np.full(len(points), i))
+            inside = np.all((xy >= 0) & (xy <= image_size_px), axis=1)
+            candidate = np.flatnonzero(~seen & inside & (normals @ direction < 0))
+            origin = points[candidate] + lift * normals[candidate]
+            hidden = self._scene.test_occlusions(self._rays(origin, -direction)).numpy()
+            seen[candidate[~hidden]] = True
+        return points[seen]
+
+    def _samples(self, num: int) -> tuple[Float, Float]:
+        """Centres and unit normals of `num` faces, as often as their area asks for."""
+        a, b, c = (self._mesh.vertices[self._mesh.faces[:, k]] for k in range(3))
+        cross = np.cross(b - a, c - a)
+        double_area = np.linalg.norm(cross, axis=1)
+        total = np.cumsum(double_area)
+        chosen = np.searchsorted(total, (np.arange(num) + 0.5) / num * total[-1])
+        normal = cross[chosen] / double_area[chosen][:, None]
+        return (a[chosen] + b[chosen] + c[chosen]) / 3.0, normal
+
+    def _rays(self, origin: Array, direction: Array) -> Any:
+        both = np.empty((len(origin), 6), np.float32)
+        both[:, :3], both[:, 3:] = origin, direction
+        return self._tensor(both)
+
+
+def angle_weighted_normals(vertices: Float, faces: Int) -> Float:
+    """Vertex normals (V, 3): those of the adjacent faces, weighted by their angle there."""
+    corner = vertices[faces]
+    face_normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    face_normal = _unit(face_normal)
+    out = np.zeros((len(vertices), 3))
+    for k in range(3):
+        e1 = _unit(corner[:, (k + 1) % 3] - corner[:, k])
+        e2 = _unit(corner[:, (k + 2) % 3] - corner[:, k])
+        angle = np.arccos(np.clip(np.sum(e1 * e2, axis=1), -1.0, 1.0))
+        for axis in range(3):
+            weight = angle * face_normal[:, axis]
+            out[:, axis] += np.bincount(faces[:, k], weights=weight, minlength=len(vertices))
+    return _unit(out)
+
+
+def _unit(v: Float) -> Float:
+    length = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.asarray(v / np.where(length > 0, length, 1.0))
+
+
+def _open3d() -> Any:
+    try:
+        return importlib.import_module("open3d")
+    except (ImportError, OSError) as error:
+        raise MissingDependencyError(
+            f"Distances to a surface need open3d, which does not load ({error}): install"
+            " open3d-cpu, and on Debian or Ubuntu libusb-1.0-0, libegl1 and libgl1."
+        ) from error

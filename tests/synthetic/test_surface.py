@@ -1,0 +1,62 @@
+"""Cavities and thin parts, against shapes with a closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from semsfm_colmap.synthetic.primitives import Mesh, geodesic_sphere, merged
+from semsfm_colmap.synthetic.rays import ray_scene
+from semsfm_colmap.synthetic.scenes.base import Specimen
+from semsfm_colmap.synthetic.surface import openness, smoothed, surface_normals, thickness
+from semsfm_colmap.types import Float
+
+
+def specimen_of(mesh: Mesh) -> Specimen:
+    zeros = np.zeros(len(mesh[0]))
+    return Specimen(vertices=mesh[0], faces=mesh[1], texture=zeros, label=zeros.astype(np.int64))
+
+
+def escaping(mesh: Mesh) -> Float:
+    specimen = specimen_of(mesh)
+    scene = ray_scene(*mesh)
+    return openness(specimen, surface_normals(specimen), scene, np.random.default_rng(0))
+
+
+def test_everything_escapes_from_a_convex_body() -> None:
+    np.testing.assert_array_equal(escaping(geodesic_sphere(8)), 1.0)
+
+
+def test_nothing_escapes_from_inside_a_small_closed_cavity() -> None:
+    vertices, faces = geodesic_sphere(8)
+    np.testing.assert_array_equal(escaping((0.1 * vertices, faces[:, ::-1])), 0.0)
+
+
+def test_half_escapes_at_the_foot_of_a_high_wall() -> None:
+    floor = np.array([[0, 0, 0], [0.01, 0, 0], [0.01, 0.01, 0], [0, 0.01, 0]], dtype=float)
+    wall = np.array([[-0.005, -9, -9], [-0.005, 9, -9], [-0.005, 9, 9], [-0.005, -9, 9]])
+    quad = np.array([[0, 2, 1], [0, 3, 2]])
+    free = escaping(merged([(floor, quad), (wall, quad)]))[:4]
+    # A wall without end takes half of a cosine distribution; 16 rays resolve 1 / 16.
+    assert 0.5 - 2 / 16 <= free.min() <= free.max() <= 0.5 + 2 / 16
+
+
+def test_the_thickness_of_a_plate_is_found_from_both_of_its_sides() -> None:
+    square = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    up = np.array([[0, 1, 2], [0, 2, 3]])
+    small = 0.5 * square
+    mesh = merged([(small, up), (square - np.array([0, 0, 0.3]), up[:, ::-1])])
+    specimen = specimen_of(mesh)
+    found = thickness(specimen, surface_normals(specimen), ray_scene(*mesh))
+    np.testing.assert_allclose(found[:4], 0.3, atol=1e-3)
+    # From beyond the smaller side there is nothing to come out of.
+    assert np.all(np.isinf(found[4:]))
+
+
+def test_smoothing_keeps_constants_and_lowers_a_peak() -> None:
+    _, faces = geodesic_sphere(4)
+    ones = np.ones(162)
+    np.testing.assert_allclose(smoothed(ones, faces), 1.0)
+    peak = np.zeros(162)
+    peak[7] = 1.0
+    assert smoothed(peak, faces)[7] == pytest.approx(1.0 / 3.0)
