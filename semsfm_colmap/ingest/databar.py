@@ -54,7 +54,7 @@ def find_databar(pixels: Array, *, lossy: bool = False) -> int | None:
     `pixels` is (H, W) of any unsigned or float type; `lossy` says that the file was compressed
     with loss, so that drawn values are only nearly exact.
     """
-    grey = _to_levels(pixels)
+    grey = to_levels(pixels)
     height, width = grey.shape
     if height < 4 * MIN_ROWS or width < 4 * MIN_ROWS:
         return None
@@ -81,7 +81,7 @@ def find_databar(pixels: Array, *, lossy: bool = False) -> int | None:
 
 def looks_drawn(pixels: Array, row: int, *, lossy: bool = False) -> bool:
     """Whether nearly all rows from `row` on are mostly one value, as in a databar."""
-    part = _to_levels(pixels)[row:].astype(np.int16)
+    part = to_levels(pixels)[row:].astype(np.int16)
     if len(part) < MIN_ROWS:
         return False
     tolerance = LOSSY_TOLERANCE if lossy else 1
@@ -116,7 +116,7 @@ def _mode(values: Array, tolerance: int) -> int:
     return int(counts.argmax())
 
 
-def _to_levels(pixels: Array) -> Array:
+def to_levels(pixels: Array) -> Array:
     """Grey levels 0..255; deeper images by their full range, as the bar is drawn in its ends."""
     if pixels.dtype == np.uint8:
         return pixels

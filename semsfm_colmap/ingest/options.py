@@ -13,6 +13,19 @@ class IngestOptions:
 
     pixel_size_um: float | None = None
     """Size of one pixel of the stored images in micrometres; overrides what the files say."""
+    scale_bar_um: float | None = None
+    """What is written at the burnt-in scale bar, in micrometres; its length is then measured in px
+    and gives the pixel size where the files record none."""
+    series_csv: Path | None = None
+    """Table with a column image and any of tilt_deg, rotation_deg, displacement_um, pixel_size_um;
+    overrides what the files say."""
+    tilt_step_deg: float | None = None
+    """Nominal tilt between consecutive images, where neither files nor table give a tilt."""
+    tilt_axis: str = "auto"
+    """Direction of the tilt axis in the images: auto, x, y, or degrees from x toward y."""
+    tilt_sigma_deg: float | None = None
+    """Standard deviation of the recorded tilts; default 0.2 for a table, 0.5 for a stage, a tenth
+    of the step for tilt_step_deg."""
     crop: tuple[int, int, int, int] | None = None
     """Part of every image to keep, "x0 y0 x1 y1" in px (x1, y1 excluded); no databar is then
     searched."""
@@ -20,11 +33,20 @@ class IngestOptions:
     """Find the burnt-in databar at the bottom and cut it off."""
     max_image_pixels: int = 400_000_000
     """Images whose header claims more pixels than this are refused before memory is taken."""
-    range_percentiles: tuple[float, float] = (0.1, 99.9)
-    """Percentiles of the grey values that become 0 and 255 when more than 8 bits are reduced."""
-    masks: Literal["off", "given", "foreground"] = "given"
-    """Masks to write: none, those found in a masks folder beside the images, or also an automatic
-    one of the specimen on an empty background."""
+    masks: Literal["off", "given", "foreground", "motion", "auto"] = "given"
+    """Masks to write: none; those found in a masks folder, and one for writing burnt into the
+    images; also the specimen on an empty background; also what moves before a static scene; or all
+    of them."""
     masks_path: Path | None = None
     """Folder with masks named <image name>.png (0 = ignore); default: a folder "masks" in or
     beside the image folder."""
+    range_percentiles: tuple[float, float] = (0.1, 99.9)
+    """Percentiles of the grey values that become 0 and 255 when more than 8 bits are reduced."""
+    flat_field: bool = False
+    """Even out the slow change of brightness across the image."""
+    flat_field_scale: float = 0.15
+    """What counts as slow: standard deviation of the smoothing, relative to the longer side."""
+    denoise: Literal["off", "median", "gaussian", "nlm"] = "off"
+    """Reduce noise: 3 x 3 median, Gaussian of 1 px, or non-local means."""
+    local_contrast: float = 0.0
+    """Clip limit of the local histogram equalisation (2 to 4 are usual); 0 = off."""

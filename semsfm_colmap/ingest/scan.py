@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.ingest.databar import agree_on_databar, find_databar, looks_drawn
+from semsfm_colmap.ingest.databar import (
+    agree_on_databar,
+    find_databar,
+    looks_drawn,
+    to_levels,
+)
 from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.overlay import ConstantPixels, Overlay, find_overlay
+from semsfm_colmap.ingest.prepare_pixels import changes_pixels
 from semsfm_colmap.ingest.raster import (
     ImageHeader,
     RawImage,
@@ -19,6 +26,7 @@ from semsfm_colmap.ingest.raster import (
     read_pixels,
     suffix_matches,
 )
+from semsfm_colmap.ingest.scalebar import find_scale_bar
 
 MIN_SIDE_PX = 32
 """Images smaller than this after cropping hold no features."""
@@ -38,7 +46,13 @@ class SourceImage:
     """(width, height) as shown, after the file's orientation."""
     reading: MetadataReading
     databar_row: int | None = None
+    scale_bar_px: float | None = None
+    """Length of the scale bar drawn in the databar, where it was looked for."""
+    displacement_um: float | None = None
+    """Of the actuator that turned the specimen, from the series table."""
     crop: Crop = (0, 0, 0, 0)
+    changes: bool = False
+    """Whether an option changes the pixels, so that the file cannot be copied."""
     warnings: tuple[str, ...] = ()
 
     def warn(self, sentence: str) -> SourceImage:
@@ -46,22 +60,44 @@ class SourceImage:
         return replace(self, warnings=(*self.warnings, sentence))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scan:
+    """What the first pass found: usable images, sentences about the others, burnt-in writing."""
+
+    images: tuple[SourceImage, ...]
+    problems: tuple[str, ...]
+    overlays: Mapping[tuple[int, int], Overlay]
+    """By image size."""
+
+
 def scan_images(
     root: Path, names: Sequence[str], options: IngestOptions, progress: Progress | None = None
-) -> tuple[list[SourceImage], list[str]]:
+) -> Scan:
     """Read every file once; files that cannot be used become sentences."""
     images: list[SourceImage] = []
     problems: list[str] = []
+    constant: dict[tuple[int, int], ConstantPixels] = defaultdict(ConstantPixels)
     for count, name in enumerate(names):
         path = root / name
         try:
-            image, _ = scan_image(path, name, options)
+            image, raw = scan_image(path, name, options)
             images.append(image)
+            lossy = image.header.format == "jpeg"
+            levels = to_levels(raw.pixels)
+            if image.databar_row is not None:
+                levels = levels.copy()
+                levels[image.databar_row :] = 0
+            constant[image.size].add(levels, lossy=lossy)
         except UnreadableImageError as error:
             problems.append(f"{name}: {error} Left out.")
         if progress:
             progress(count + 1, len(names))
-    return images, problems
+    found = {size: find_overlay(frames) for size, frames in constant.items()}
+    return Scan(
+        images=tuple(images),
+        problems=tuple(problems),
+        overlays={size: overlay for size, overlay in found.items() if overlay is not None},
+    )
 
 
 def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceImage, RawImage]:
@@ -89,6 +125,11 @@ def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceIma
     if options.crop is None and options.detect_databar:
         row, warning = _databar_row(raw, reading)
         warnings.extend([warning] if warning else [])
+    bar = None
+    if row is not None and (options.scale_bar_um or reading.scale_bar_um) is not None:
+        bar = find_scale_bar(to_levels(raw.pixels)[row:])
+        if bar is None:
+            warnings.append("no scale bar was found in the databar")
     image = SourceImage(
         name=name,
         path=path,
@@ -96,16 +137,21 @@ def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceIma
         size=(width, height),
         reading=reading,
         databar_row=row,
+        scale_bar_px=bar.length_px if bar else None,
         crop=(0, 0, width, height if row is None else row),
+        changes=changes_pixels(options),
         warnings=tuple(warnings),
     )
     return image, raw
 
 
 def choose_crops(
-    images: Sequence[SourceImage], options: IngestOptions
+    images: Sequence[SourceImage],
+    options: IngestOptions,
+    overlays: Mapping[tuple[int, int], Overlay] | None = None,
 ) -> tuple[list[SourceImage], list[str]]:
     """Settle the crop of every image: the option, or what the frames of one size agree on."""
+    overlays = overlays or {}
     chosen: list[SourceImage] = []
     problems: list[str] = []
     groups: dict[tuple[int, int], list[int | None]] = defaultdict(list)
@@ -124,6 +170,9 @@ def choose_crops(
                 continue
         else:
             row = agreed[image.size]
+            overlay = overlays.get(image.size)
+            if row is None and overlay is not None and options.detect_databar:
+                row = overlay.databar_row
             if image.databar_row not in (row, None):
                 image = image.warn(
                     f"a databar seems to start at row {image.databar_row}, unlike in the other "

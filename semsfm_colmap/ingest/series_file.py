@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.output import write_atomic
 from semsfm_colmap.types import SemFrame, SemMetadata, SemSeries
 
@@ -17,16 +18,63 @@ VERSION = 1
 SERIES_FILE = "series.json"
 
 
-def write_series(series: SemSeries, path: Path, *, masks: tuple[str, ...] = ()) -> None:
-    """Write a series; `masks` are the mask files the stage wrote, so that it can remove them."""
+@dataclass(kw_only=True)
+class PreparationRecord:
+    """What was done to the images, kept in series.json beside the series itself."""
+
+    options: dict[str, Any] = field(default_factory=dict)
+    """The options that change pixels."""
+    grey_range: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Per image the source's grey values that became 0 and 255."""
+    mask_effect: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Per image the parts of area and of texture that its mask leaves out."""
+    displacement_um: dict[str, float] = field(default_factory=dict)
+    """Per image the actuator's displacement, from the series table."""
+    masks: list[str] = field(default_factory=list)
+    """Mask files written."""
+
+    @classmethod
+    def of(cls, options: IngestOptions) -> PreparationRecord:
+        """A record that starts with the options."""
+        names = (
+            "range_percentiles", "flat_field", "flat_field_scale", "denoise", "local_contrast",
+            "masks",
+        )  # fmt: skip
+        return cls(options={name: getattr(options, name) for name in names})
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenFiles:
+    """Names of the images and masks that an earlier run wrote."""
+
+    images: set[str]
+    masks: set[str]
+
+
+def write_series(series: SemSeries, path: Path, *, record: PreparationRecord | None = None) -> None:
+    """Write a series and what was done to its images."""
     content = {
         "format": FORMAT,
         "version": VERSION,
         **asdict(series),
-        "written_masks": list(masks),
+        "preparation": asdict(record or PreparationRecord()),
     }
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
     write_atomic(path, (text + "\n").encode())
+
+
+def read_preparation(path: Path) -> PreparationRecord:
+    """What was done to the images of a series."""
+    content = _load(path).get("preparation", {})
+    try:
+        known = _known(PreparationRecord, content)
+        for name in ("grey_range", "mask_effect"):
+            known[name] = {k: (float(a), float(b)) for k, (a, b) in known.get(name, {}).items()}
+        return PreparationRecord(**known)
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{path} is damaged ({type(error).__name__}: {error}); prepare the images again."
+        ) from error
 
 
 def read_series(path: Path) -> SemSeries:
@@ -46,16 +94,16 @@ def read_series(path: Path) -> SemSeries:
         ) from error
 
 
-def read_written_files(path: Path) -> tuple[set[str], set[str]]:
-    """Names of the images and masks an earlier run wrote; empty where there was none."""
+def read_written_files(path: Path) -> WrittenFiles:
+    """Files an earlier run wrote; empty where there was none."""
     try:
         content = _load(path)
-        return (
-            {str(frame["name"]) for frame in content["frames"]},
-            {str(name) for name in content.get("written_masks", ())},
+        return WrittenFiles(
+            images={str(frame["name"]) for frame in content["frames"]},
+            masks={str(name) for name in content.get("preparation", {}).get("masks", ())},
         )
-    except (InputError, KeyError, TypeError):
-        return set(), set()
+    except (InputError, KeyError, TypeError, AttributeError):
+        return WrittenFiles(images=set(), masks=set())
 
 
 def _load(path: Path) -> dict[str, Any]:

@@ -1,0 +1,193 @@
+"""What is known about the tilt before anything is computed: a prior, never a command.
+
+A stage, a table or a nominal step give an angle per image. Stages have an unknown zero and some
+backlash, so only differences count, each with a standard deviation; whether the numbers are right
+at all is checked against the reconstruction (`check_tilt`): the angle of each camera about the
+common axis is regressed on the known one, and a slope away from 1 means that either is wrong.
+
+How far from 1 depends on the range of tilt: with parallel projection the angle of a small tilt is
+seen in second order only, and a change of magnification by a fraction s mimics a change of the
+angle by about s * 9000 / range^2 (range in degrees), as measured on rendered series.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from semsfm_colmap.errors import UsageError
+from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.types import Float, SemSeries
+
+SIGMA_TABLE_DEG = 0.2
+SIGMA_STAGE_DEG = 0.5
+"""Repeatability of SEM stages, with backlash; data sheets say 0.1 to 0.5."""
+SIGMA_STEP_PART = 0.1
+MIN_RANGE_DEG = 0.5
+"""Tilts that vary less say that the specimen was not turned by the stage."""
+MAGNIFICATION_DRIFT = 0.003
+"""Upper end of what is seen between frames of one series."""
+DRIFT_TO_TILT = 9000.0
+"""Relative error of the tilt per relative change of magnification, times the squared range."""
+MIN_TOLERANCE = 0.03
+MAX_ROUGHNESS = 4.0
+"""Scatter about the line, in standard deviations of the prior, above which frames are named."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiltPrior:
+    """Known tilts: only their differences count; nan where nothing is known."""
+
+    image_names: tuple[str, ...]
+    angle_rad: Float
+    """(M,) about one axis common to all images"""
+    sigma_rad: Float
+    """(M,)"""
+    axis_image_rad: float | None
+    """Direction of the axis in the images, from x toward y; None = to be estimated."""
+    source: str
+
+    @property
+    def range_rad(self) -> float:
+        """Largest minus smallest known angle."""
+        return float(np.nanmax(self.angle_rad) - np.nanmin(self.angle_rad))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiltCheck:
+    """How a reconstruction agrees with a tilt prior."""
+
+    consistent: bool
+    factor: float
+    """Estimated over known tilt, from the regression; its sign is that of the axis."""
+    tolerance: float
+    scatter_rad: float
+    """RMS about the regression line."""
+    outliers: tuple[str, ...]
+    message: str
+
+
+def tilt_prior(series: SemSeries, options: IngestOptions) -> TiltPrior | None:
+    """The prior of a prepared series, or None if no tilt is known or it does not vary."""
+    axis = parse_axis(options.tilt_axis)
+    angles = np.array(
+        [np.nan if f.metadata.tilt_rad is None else f.metadata.tilt_rad for f in series.frames]
+    )
+    sources = {f.metadata.source.get("tilt_rad", "") for f in series.frames}
+    from_table = any(source.startswith("table ") for source in sources)
+    known = np.isfinite(angles)
+    if known.sum() >= 2 and np.ptp(angles[known]) >= math.radians(MIN_RANGE_DEG):
+        default = SIGMA_TABLE_DEG if from_table else SIGMA_STAGE_DEG
+        source = "; ".join(sorted(s for s in sources if s))
+    elif options.tilt_step_deg is not None:
+        angles = math.radians(options.tilt_step_deg) * np.arange(len(series.frames), dtype=float)
+        default = SIGMA_STEP_PART * abs(options.tilt_step_deg)
+        source = "option tilt_step_deg"
+    else:
+        return None
+    sigma_deg = options.tilt_sigma_deg if options.tilt_sigma_deg is not None else default
+    if not (math.isfinite(sigma_deg) and sigma_deg > 0):
+        raise UsageError(f"tilt_sigma_deg = {sigma_deg} but expected a positive number.")
+    return TiltPrior(
+        image_names=series.names,
+        angle_rad=angles,
+        sigma_rad=np.full(len(angles), math.radians(sigma_deg)),
+        axis_image_rad=axis,
+        source=source,
+    )
+
+
+def parse_axis(text: str) -> float | None:
+    """``auto`` -> None, ``x`` -> 0, ``y`` -> pi / 2, a number of degrees -> radians."""
+    word = text.strip().lower()
+    if word in ("auto", ""):
+        return None
+    if word in ("x", "y"):
+        return 0.0 if word == "x" else math.pi / 2
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise UsageError(f"tilt_axis = {text!r} but expected auto, x, y or degrees.")
+    return math.radians(value)
+
+
+def check_tilt(prior: TiltPrior, image_names: Sequence[str], cam_from_world: Float) -> TiltCheck:
+    """Compare estimated rotations (M, 3, 3) with the known tilts."""
+    index = {name: i for i, name in enumerate(prior.image_names)}
+    rows = [
+        (index[name], i)
+        for i, name in enumerate(image_names)
+        if name in index and np.isfinite(prior.angle_rad[index[name]])
+    ]
+    if len(rows) < 3:
+        return TiltCheck(
+            consistent=True, factor=math.nan, tolerance=math.nan, scatter_rad=math.nan, outliers=(),
+            message="fewer than three images have both a known and an estimated tilt",
+        )  # fmt: skip
+    known = prior.angle_rad[[a for a, _ in rows]]
+    sigma = prior.sigma_rad[[a for a, _ in rows]]
+    estimated = angles_about_common_axis(cam_from_world[[b for _, b in rows]])
+    factor, residual = _robust_line(known, estimated)
+    range_deg = math.degrees(float(np.ptp(known)))
+    drift = MAGNIFICATION_DRIFT * DRIFT_TO_TILT / max(range_deg, 1.0) ** 2
+    slope_noise = (
+        3 * float(np.median(sigma)) / math.sqrt(float(((known - known.mean()) ** 2).sum()))
+    )
+    tolerance = max(MIN_TOLERANCE, drift, slope_noise)
+    consistent = abs(abs(factor) - 1) <= tolerance
+    scatter = float(np.sqrt(np.mean(residual**2)))
+    limit = np.maximum(MAX_ROUGHNESS * sigma, 3 * 1.4826 * float(np.median(np.abs(residual))))
+    outliers = tuple(
+        prior.image_names[a]
+        for (a, _), bad in zip(rows, np.abs(residual) > limit, strict=True)
+        if bad
+    )
+    percent = 100 * (abs(factor) - 1)
+    if consistent:
+        message = f"the estimated tilt is {abs(factor):.3f} times the known one, as it should be"
+    else:
+        message = (
+            f"the known tilts ({prior.source}) span {range_deg:.1f} degrees, but the images show "
+            f"{abs(factor):.3f} times that ({percent:+.0f} %): check the recorded tilts or the "
+            "step; they are not obeyed"
+        )
+    if outliers:
+        message += f"; the tilt of {', '.join(outliers[:3])} does not fit the others"
+    return TiltCheck(
+        consistent=consistent, factor=factor, tolerance=tolerance, scatter_rad=scatter,
+        outliers=outliers, message=message,
+    )  # fmt: skip
+
+
+def angles_about_common_axis(cam_from_world: Float) -> Float:
+    """Angle (M,) of each camera about the axis that explains most of the rotations.
+
+    The rotations relative to the middle camera, as vectors, lie along the axis; the first principal
+    direction of these vectors is the axis, and the angle is the projection on it.
+    """
+    from scipy.spatial.transform import Rotation
+
+    middle = len(cam_from_world) // 2
+    relative = cam_from_world @ cam_from_world[middle].T
+    vectors = Rotation.from_matrix(relative).as_rotvec()
+    axis = np.linalg.svd(vectors)[2][0]
+    return np.unwrap(np.asarray(vectors @ axis))
+
+
+def _robust_line(x: Float, y: Float) -> tuple[float, Float]:
+    """Slope and residuals of a line by iteratively reweighted least squares (Huber)."""
+    weight = np.ones(len(x))
+    slope, offset = 0.0, 0.0
+    for _ in range(20):
+        mx, my = np.average(x, weights=weight), np.average(y, weights=weight)
+        slope = float(np.sum(weight * (x - mx) * (y - my)) / np.sum(weight * (x - mx) ** 2))
+        offset = float(my - slope * mx)
+        residual = y - slope * x - offset
+        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
+        weight = np.minimum(1.0, 1.345 * scale / np.maximum(np.abs(residual), 1e-12))
+    return slope, y - slope * x - offset
