@@ -1,4 +1,4 @@
-"""How all figures look, and the data they share. Figures are objects: no pyplot, no global state."""
+"""How all figures look, and the data they share; no pyplot, no global state."""
 
 from __future__ import annotations
 

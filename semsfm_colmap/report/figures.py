@@ -44,8 +44,8 @@ class DrawnFigure:
 FIGURES = (
     FigureKind(
         name="scene",
-        caption="Points and camera frames, seen obliquely. The distance of the frames is arbitrary: "
-        "parallel projection does not fix it.",
+        caption="Points and camera frames, seen obliquely. The distance of the frames is "
+        "arbitrary: parallel projection does not fix it.",
         draw=figures_scene.scene_picture,
     ),
     FigureKind(

@@ -124,7 +124,9 @@ def rotation_per_frame(data: FigureData) -> Figure | str:
     dress(middle, ylabel="step [°]", title="step from the frame before (dashed: median)")
     _curve(data, bottom, data.column("wobble_deg"), np.full(len(angle), np.nan))
     bottom.set_ylim(0.0, _top(data.column("wobble_deg")))
-    dress(bottom, ylabel="wobble [°]", title="tilt of the axis in this frame against the fitted one")
+    dress(
+        bottom, ylabel="wobble [°]", title="tilt of the axis in this frame against the fitted one"
+    )
     frame_axis(bottom, len(data.frames.names))
     return figure
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from semsfm_colmap.report.figure_style import BLUE, GREY, RED, FigureData, dress, new_figure
+from semsfm_colmap.report.verdict import fixed
 from semsfm_colmap.types import Float
 
 if TYPE_CHECKING:
@@ -21,11 +22,6 @@ MEAN_PER_CELL = 60
 """Observations a cell should hold on average, which sets how many cells there are."""
 MIN_PER_CELL = 20
 """Cells with fewer observations are left blank: their mean is noise (0.2 sigma here)."""
-
-
-def _signed(value: float, digits: int) -> str:
-    """Fixed decimals with a proper minus, and no minus before a zero."""
-    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def _histogram(axes: Axes, r: Float, mean: float, sigma: float, half: float) -> None:
@@ -54,10 +50,10 @@ def residual_histograms(data: FigureData) -> Figure | str:
     for axis, axes in enumerate(panels):
         letter = "xy"[axis]
         mu, sd = stats[f"mean_{letter}_px"], stats[f"sigma_{letter}_px"]
-        title = f"{letter}:  μ = {_signed(mu, 2)} px,  σ = {sd:.2f} px"
+        title = f"{letter}:  μ = {fixed(mu, 2)} px,  σ = {sd:.2f} px"
         if nm is not None:
             mu_nm, sd_nm = stats[f"mean_{letter}_nm"], stats[f"sigma_{letter}_nm"]
-            title += f"\n     μ = {_signed(mu_nm, 1)} nm,  σ = {sd_nm:.1f} nm"
+            title += f"\n     μ = {fixed(mu_nm, 1)} nm,  σ = {sd_nm:.1f} nm"
         _histogram(axes, kept[:, axis], mu, sd, half)
         dress(axes, xlabel=f"residual in {letter} [px]", title=title)
     panels[0].set_ylabel("observations per bin", fontsize=9)
@@ -96,9 +92,11 @@ def residual_map(data: FigureData) -> Figure | str:
     key = float(f"{max(longest, 1e-9):.1g}")
     arrows = right.quiver(
         x, y, mean[0].reshape(ny, nx), mean[1].reshape(ny, nx),
-        color=BLUE, angles="xy", scale_units="xy", scale=key / (1.5 * width / nx), width=0.005,
+        color=BLUE, angles="xy", scale_units="xy", scale=key / (width / nx), width=0.005,
     )  # fmt: skip
-    right.quiverkey(arrows, 0.86, 1.05, key, f"{key:g} px", labelpos="E", fontproperties={"size": 8})
+    right.quiverkey(
+        arrows, 0.86, 1.05, key, f"{key:g} px", labelpos="E", fontproperties={"size": 8}
+    )
     right.set_aspect("equal")
     right.set_xlim(0, width)
     right.set_ylim(height, 0)

@@ -20,9 +20,7 @@ MAX_COLUMNS = 1000
 def sorted_tracks(frame: Int, track: Int, num_tracks: int, num_frames: int) -> Int:
     """(N,) the place of each track when sorted by first frame, then last; unseen ones come last.
 
-    Parameters
-    ----------
-    frame, track : (O,) the kept observations
+    `frame` and `track`, (O,), are those of the kept observations.
     """
     first = np.full(num_tracks, num_frames)
     last = np.full(num_tracks, -1)
@@ -79,7 +77,7 @@ def frame_axis_on_y(axes: Axes, num_frames: int) -> None:
 
 
 def co_visibility_matrix(data: FigureData) -> Figure | str:
-    """Tracks shared by each two frames, on a logarithmic scale; frames that share none are white."""
+    """Tracks shared by each two frames, on a logarithmic scale; those that share none are white."""
     from matplotlib.colors import LogNorm
 
     shared = np.array(data.metrics["co_visibility"]["num_shared_tracks"])

@@ -35,6 +35,7 @@ CAVEATS = (
     "something whose size you know."
 )
 SCENE_FIGURE = "scene"
+GRID_SWITCH = '<label><input type="checkbox" id="grid-switch"> grid</label>'
 SECTIONS = (
     ("scene-section", "Scene"), ("figures", "Figures"), ("images", "Images"), ("pairs", "Matches"),
     ("rounds", "Filtering"), ("run", "Run"),
@@ -72,7 +73,8 @@ def _scene(scene: Scene | None, picture: DrawnFigure | None) -> str:
         for view in scene.views
     )
     body = (
-        f'<div class="controls on-screen">{boxes}<span class="gap"></span>{buttons}</div>'
+        f'<div class="controls on-screen">{boxes}{GRID_SWITCH}'
+        f'<span class="gap"></span>{buttons}</div>'
         '<div id="scene" class="scene on-screen"></div>'
     )
     if picture is not None and picture.png is not None:

@@ -40,7 +40,11 @@ class Row:
 
 
 def table(
-    headers: Sequence[str], rows: Iterable[Row], *, text_columns: Sequence[int], narrow: bool = False
+    headers: Sequence[str],
+    rows: Iterable[Row],
+    *,
+    text_columns: Sequence[int],
+    narrow: bool = False,
 ) -> str:
     """A table whose numbers are flush right and whose `text_columns` are flush left."""
 
@@ -53,7 +57,9 @@ def table(
         )
 
     body = "".join(
-        f'<tr class="absent">{row("td", r.cells)}</tr>' if r.absent else f"<tr>{row('td', r.cells)}</tr>"
+        f'<tr class="absent">{row("td", r.cells)}</tr>'
+        if r.absent
+        else f"<tr>{row('td', r.cells)}</tr>"
         for r in rows
     )
     size = "table narrow" if narrow else "table"
@@ -70,11 +76,12 @@ def definitions(pairs: Iterable[tuple[str, str]]) -> str:
 
 
 def image(png: bytes, caption: str) -> str:
-    """A PNG within the page."""
+    """A PNG within the page, at half its pixels, so that it is sharp and all lettering is equal."""
+    width = int.from_bytes(png[16:20], "big")  # the header chunk starts with the width
     data = base64.b64encode(png).decode("ascii")
     return (
-        f'<figure><img alt="{text(caption)}" src="data:image/png;base64,{data}">'
-        f"<figcaption>{text(caption)}</figcaption></figure>"
+        f'<figure><img alt="{text(caption)}" width="{width // 2}" '
+        f'src="data:image/png;base64,{data}"><figcaption>{text(caption)}</figcaption></figure>'
     )
 
 

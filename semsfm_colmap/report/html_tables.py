@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from semsfm_colmap.report.html_parts import Row, definitions, hint, table
-from semsfm_colmap.report.verdict import number, percent, unit
+from semsfm_colmap.report.verdict import fixed, number, percent, unit
 
 Metrics = dict[str, Any]
 
@@ -17,10 +17,14 @@ def _with_nm(px: float | None, nm: float | None) -> str:
 
 def _image_rows(m: Metrics) -> Iterator[tuple[str, str]]:
     images, world, s = m["images"], m["world"], m["structure"]
-    yield "images registered", f"{number(images['num_registered'])} of {number(images['num_given'])}"
+    yield (
+        "images registered",
+        f"{number(images['num_registered'])} of {number(images['num_given'])}",
+    )
     yield "world unit", unit(m)
     if world["pixel_size_nm"] is not None:
-        yield "pixel size", f"{number(world['pixel_size_nm'], 4)} nm ({world['pixel_size_source']})"
+        yield "pixel size", f"{number(world['pixel_size_nm'], 4)} nm"
+        yield "pixel size from", world["pixel_size_source"]
     yield "camera model", str(world["camera_model"]).replace("_", " ")
     if world["aspect"] != 1.0 or world["skew"] != 0.0:
         yield "aspect, skew", f"{number(world['aspect'], 5)}, {number(world['skew'], 2)}"
@@ -51,9 +55,9 @@ def _motion_rows(m: Metrics) -> Iterator[tuple[str, str]]:
         yield "rotation range", f"{number(rotation['range_deg'], 4)}°"
         low, high = number(rotation["min_step_deg"]), number(rotation["max_step_deg"])
         yield "steps", f"{number(rotation['median_step_deg'])}° median, {low}° to {high}°"
-        axis = ", ".join(f"{c:.3f}".replace("-", "−") for c in rotation["axis_camera"])
+        axis = ", ".join(fixed(c, 3) for c in rotation["axis_camera"])
         yield "rotation axis in the camera", f"({axis})"
-        rms, most = number(rotation["wobble_rms_deg"], 2), number(rotation["wobble_max_deg"], 2)
+        rms, most = fixed(rotation["wobble_rms_deg"], 2), fixed(rotation["wobble_max_deg"], 2)
         yield "wobble", f"{rms}° rms, {most}° at most"
     yield "depth sign", f"{sign['status']}, {percent(sign['confidence'])}"
 
@@ -65,8 +69,9 @@ def _surface_rows(m: Metrics) -> Iterator[tuple[str, str]]:
     if mesh is not None:
         faces, vertices = number(mesh["num_faces"]), number(mesh["num_vertices"])
         yield "mesh", f"{faces} faces, {vertices} vertices"
-        yield "mesh components, open edges", (
-            f"{number(mesh['num_components'])}, {number(mesh['num_open_edges'])}"
+        yield (
+            "mesh components, open edges",
+            (f"{number(mesh['num_components'])}, {number(mesh['num_open_edges'])}"),
         )
         yield "mesh area", f"{number(mesh['area_world2'])} {unit(m)}²"
     telecentric = m["telecentric"]
@@ -83,7 +88,7 @@ def summary(m: Metrics) -> str:
 
 IMAGE_HEADERS = (
     "frame", "image", "points", "rejected", "RMS px", "angle °", "σ °", "step °", "wobble °",
-    "scale %", "to next: found", "verified", "all pairs: verified",
+    "scale %", "found to next", "verified to next", "verified in all",
 )  # fmt: skip
 
 
@@ -92,22 +97,18 @@ def images_table(m: Metrics) -> str:
     rows = []
     for row in m["per_image"]:
         relative = row.get("relative_scale")
-        scale = "–" if relative is None else f"{100.0 * (relative - 1.0):+.3f}".replace("-", "−")
+        scale = None if relative is None else 100.0 * (relative - 1.0)
         name = row["name"] if row["registered"] else f"{row['name']} (not registered)"
         cells = (
             str(row["frame"]), name, number(row.get("num_observations")),
             number(row.get("num_rejected_observations")), number(row.get("rms_px")),
-            _fixed(row.get("angle_deg"), 2), _fixed(row.get("sigma_angle_deg"), 3),
-            _fixed(row.get("step_deg"), 2), _fixed(row.get("wobble_deg"), 3), scale,
+            fixed(row.get("angle_deg"), 2), fixed(row.get("sigma_angle_deg"), 3),
+            fixed(row.get("step_deg"), 2), fixed(row.get("wobble_deg"), 3), fixed(scale, 3),
             number(row["num_matches_to_next"]), number(row["num_verified_matches_to_next"]),
             number(row["num_verified_matches"]),
         )  # fmt: skip
         rows.append(Row(cells=cells, absent=not row["registered"]))
     return table(IMAGE_HEADERS, rows, text_columns=(1,))
-
-
-def _fixed(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}".replace("-", "−")
 
 
 def pairs_table(m: Metrics, max_rows: int) -> str:
@@ -142,7 +143,8 @@ def pairs_table(m: Metrics, max_rows: int) -> str:
         for p in rejected[:max_rows]
     ]  # fmt: skip
     headers = (
-        "image", "image", "matches", "static", "after RANSAC", "after distance filter", "rejected because",
+        "image", "image", "matches", "static", "after RANSAC", "after distance filter",
+        "rejected because",
     )  # fmt: skip
     body += "<h3>Pairs rejected as a whole</h3>" + table(headers, rows, text_columns=(0, 1, 6))
     if len(rejected) > max_rows:
@@ -163,7 +165,7 @@ def rounds_table(m: Metrics) -> str:
     ]  # fmt: skip
     if not rows:
         return hint("No filtering rounds were given.")
-    headers = ("round", "threshold px", "observations kept", "dropped", "dropped")
+    headers = ("round", "threshold px", "observations kept", "dropped", "share")
     return table(headers, rows, text_columns=(), narrow=True)
 
 

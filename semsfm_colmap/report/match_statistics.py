@@ -46,7 +46,7 @@ def match_totals(pairs: Sequence[PairStatistics]) -> dict[str, Any]:
 
 def matches_per_frame(
     pairs: Sequence[PairStatistics], names: Sequence[str]
-) -> dict[str, list[int | None]]:
+) -> dict[str, Sequence[int | None]]:
     """Matches of each frame, summed over its pairs and with the next frame alone.
 
     ``None`` where the pair with the next frame was not tried (and for the last frame).

@@ -38,9 +38,7 @@ def residual_statistics(
 ) -> dict[str, Any]:
     """Mean and spread per axis of the kept observations; nm when the pixel size is known.
 
-    Parameters
-    ----------
-    residual : (O, 2) px, predicted minus measured, of all observations
+    `residual` (O, 2) is predicted minus measured in px, of all observations.
     """
     kept = residual[reconstruction.inlier]
     out: dict[str, Any] = {"num_residuals": len(kept)}

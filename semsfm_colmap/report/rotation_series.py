@@ -77,14 +77,8 @@ def _frame_with_third_axis(axis: Float) -> Float:
 
 
 def fit_rotation_series(cam_from_world: Float) -> RotationSeries | None:
-    """Fit one axis to the rotations of a series.
+    """Fit one axis to the rotations (M, 3, 3) of a series in acquisition order.
 
-    Parameters
-    ----------
-    cam_from_world : (M, 3, 3) rotations in acquisition order
-
-    Returns
-    -------
     None for fewer than two images, or when nothing rotates.
     """
     R = np.asarray(cam_from_world, dtype=np.float64)

@@ -31,6 +31,11 @@ from semsfm_colmap.types import Array, Float, Int, Reconstruction, TriangleMesh
 
 EYE_DISTANCE = 2.0
 """In plotly's units of the scene's cube; only its direction matters to a parallel projection."""
+FIRST_VIEW = "as in the first image"
+SURFACE_TINT = np.array([0.93, 0.97, 1.0])
+RANGE_MARGIN = 1.1
+"""plotly.js cuts off what lies outside the ranges: room for the labels."""
+AXES_LENGTH_RADII, AXES_PLACE_RADII = 0.5, 1.2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +47,7 @@ class Scene:
     switches: list[dict[str, Any]]
     """label, traces (indices), on (shown at first)"""
     views: dict[str, dict[str, Any]]
-    """Camera of each view button."""
+    """Camera of each view button, and how far the content reaches in it."""
     remarks: list[str]
 
 
@@ -85,16 +90,34 @@ def _point_traces(
     return _point_trace(points[idx], color, size=size, shown=shown), remark
 
 
-def _mesh_trace(mesh: TriangleMesh, viewer: Float, *, shown: bool) -> dict[str, Any]:
-    trace = {
-        "type": "mesh3d", **_xyz(mesh.vertices), "hoverinfo": "skip", "visible": shown,
-        "lighting": {"ambient": 0.45, "diffuse": 0.75, "specular": 0.1, "roughness": 0.9},
-        "lightposition": {letter: float(1e5 * v) for letter, v in zip("xyz", viewer, strict=True)},
+def shaded_grey(mesh: TriangleMesh, R: Float) -> Array:
+    """(V, 3) uint8: grey by vertex normal, bright above, on the left and toward front and back.
+
+    Painted once in the frame `R` of the first camera: plotly.js places its own light in clip
+    coordinates, where the direction depends on the depth range of the scene.
+    """
+    corner = mesh.vertices[mesh.faces]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    total = np.zeros((len(mesh.vertices), 3))
+    for k in range(3):
+        for axis in range(3):
+            total[:, axis] += np.bincount(
+                mesh.faces[:, k], weights=normal[:, axis], minlength=len(total)
+            )
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    right, down, away = R @ (total / np.where(length > 0.0, length, 1.0)).T
+    light = 0.52 - 0.20 * down - 0.16 * right + 0.22 * np.abs(away)
+    return np.clip(255.0 * light[:, None] * SURFACE_TINT, 0.0, 255.0).astype(np.uint8)
+
+
+def _mesh_trace(mesh: TriangleMesh, R: Float, *, shown: bool) -> dict[str, Any]:
+    colors = shaded_grey(mesh, R) if mesh.vertex_colors is None else mesh.vertex_colors
+    corners = {letter: packed(mesh.faces[:, k], "i4") for k, letter in enumerate("ijk")}
+    return {
+        "type": "mesh3d", **_xyz(mesh.vertices), **corners, "vertexcolor": hex_colors(colors),
+        "lighting": {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
+        "hoverinfo": "skip", "visible": shown,
     }  # fmt: skip
-    trace |= {letter: packed(mesh.faces[:, k], "i4") for k, letter in enumerate("ijk")}
-    if mesh.vertex_colors is None:
-        return trace | {"color": "#b5bfcc", "flatshading": len(mesh.faces) < 2000}
-    return trace | {"vertexcolor": hex_colors(mesh.vertex_colors)}
 
 
 def _camera_traces(
@@ -127,27 +150,83 @@ def _camera_traces(
     ]  # fmt: skip
 
 
-def _look(eye: Float, up: Float) -> dict[str, Any]:
-    def xyz(v: Float) -> dict[str, float]:
-        return {letter: float(c) for letter, c in zip("xyz", v, strict=True)}
+def _xyz_of(v: Float) -> dict[str, float]:
+    return {letter: float(c) for letter, c in zip("xyz", v, strict=True)}
 
-    return {
-        "eye": xyz(EYE_DISTANCE * eye), "up": xyz(up), "center": xyz(np.zeros(3)),
+
+def _look(eye: Float, up: Float, extent: Float) -> dict[str, Any]:
+    """A view along ``-eye`` and how far the content reaches from its middle on the screen.
+
+    `extent` (P, 3) are the points that should be in the picture, relative to its centre.
+    """
+    eye = eye / np.linalg.norm(eye)
+    right = np.cross(up, eye) / np.linalg.norm(np.cross(up, eye))
+    camera = {
+        "eye": _xyz_of(EYE_DISTANCE * eye), "up": _xyz_of(up), "center": _xyz_of(np.zeros(3)),
         "projection": {"type": "orthographic"},
     }  # fmt: skip
-
-
-def _layout(unit: str, camera: dict[str, Any]) -> dict[str, Any]:
-    axis = {"showbackground": False, "gridcolor": "#dde3ea", "zerolinecolor": "#dde3ea"}
-    scene: dict[str, Any] = {
-        f"{letter}axis": {**axis, "title": {"text": f"{letter} [{unit}]"}} for letter in "xyz"
+    return {
+        "camera": camera,
+        "half_width": float(np.max(np.abs(extent @ right))),
+        "half_height": float(np.max(np.abs(extent @ np.cross(eye, right)))),
     }
-    scene |= {"aspectmode": "data", "camera": camera, "dragmode": "orbit"}
+
+
+def _layout(unit: str, view: View, extent: Float, camera: dict[str, Any]) -> dict[str, Any]:
+    """Ranges around the centre of the object, so that it turns in place.
+
+    The script sets the aspect ratio from them, equal for all axes, when it knows the page's size.
+    """
+    reach = RANGE_MARGIN * np.max(np.abs(extent), axis=0)
+    axis = {"showbackground": False, "gridcolor": "#dde3ea", "visible": False}
+    scene: dict[str, Any] = {
+        f"{letter}axis": {
+            **axis,
+            "title": {"text": f"{letter} [{unit}]"},
+            "range": [float(view.center[k] - reach[k]), float(view.center[k] + reach[k])],
+        }
+        for k, letter in enumerate("xyz")
+    }
+    scene |= {"aspectmode": "manual", "camera": camera, "dragmode": "orbit"}
     return {
         "scene": scene, "showlegend": False, "paper_bgcolor": "#ffffff", "autosize": True,
-        "margin": {"l": 0, "r": 0, "t": 0, "b": 0}, "uirevision": "keep",
+        "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
         "font": {"family": "system-ui, sans-serif", "size": 12},
     }  # fmt: skip
+
+
+def round_length(length: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that does not exceed a length."""
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(max(m for m in (1.0, 2.0, 5.0) if m * power <= length * (1.0 + 1e-9)) * power)
+
+
+def _axes_tips(view: View, R: Float) -> Float:
+    """(4, 3) origin and tips of the drawn axes, at the upper left of the first image."""
+    origin = view.center - AXES_PLACE_RADII * view.radius * (R[0] + R[1])
+    length = round_length(AXES_LENGTH_RADII * view.radius)
+    return origin + length * np.concatenate([np.zeros((1, 3)), np.eye(3)])
+
+
+def _axes_traces(view: View, R: Float, unit: str) -> list[dict[str, Any]]:
+    """The world's axes, of a round length."""
+    origin, *tips = _axes_tips(view, R)
+    length = round_length(AXES_LENGTH_RADII * view.radius)
+    color = ("#c53030", "#2f855a", "#2b6cb0")
+    lines = [
+        {
+            "type": "scatter3d", "mode": "lines", **_xyz(np.stack([origin, tip])),
+            "line": {"width": 5, "color": shade}, "hoverinfo": "skip",
+        }
+        for tip, shade in zip(tips, color, strict=True)
+    ]  # fmt: skip
+    names = {
+        "type": "scatter3d", "mode": "text", **_xyz(origin + 1.25 * length * np.eye(3)),
+        "text": [f"x {number(length, 1)} {unit}", "y", "z"], "hoverinfo": "skip",
+        "textposition": ["top center", "bottom center", "top center"],
+        "textfont": {"size": 13, "color": list(color)},
+    }  # fmt: skip
+    return [*lines, names]
 
 
 def build_scene(inputs: ReportInputs, options: ReportOptions | None = None) -> Scene | None:
@@ -187,21 +266,26 @@ def build_scene(inputs: ReportInputs, options: ReportOptions | None = None) -> S
     if mesh is not None and len(mesh.faces):
         thin = thin_mesh(mesh, options.max_scene_faces)
         shown = not switches
-        add("mesh", [_mesh_trace(thin, -R[2] - 0.5 * R[1] - 0.3 * R[0], shown=shown)], shown)
+        add("mesh", [_mesh_trace(thin, R, shown=shown)], shown)
         remarks.append(f"Mesh: {number(len(thin.faces))} of {number(len(mesh.faces))} faces.")
     if rec.num_images:
         names = [frames.names[k] for k in frames.registered]
         add("cameras", _camera_traces(rec, frames.image_idx, frames.numbers, names, view), True)
-    views = {
-        "as in the first image": _look(-R[2], -R[1]),
-        "from the right": _look(R[0], -R[1]),
-        "from above": _look(-R[1], R[2]),
-        "oblique": _look(_unit(-R[2] - 0.7 * R[1] + 0.6 * R[0]), -R[1]),
-    }
     unit = {"um": "µm"}.get(rec.world_unit, rec.world_unit)
-    layout = _layout(unit, views["as in the first image"])
+    add("axes", _axes_traces(view, R, unit), True)
+
+    extent = np.concatenate(
+        [
+            _axes_tips(view, R) - view.center,
+            frame_outlines(rec, view).reshape(-1, 3) - view.center,
+            solid[inside_view(solid, view)] - view.center,
+        ]
+    )
+    views = {
+        FIRST_VIEW: _look(-R[2], -R[1], extent),
+        "from the right": _look(R[0], -R[1], extent),
+        "from above": _look(-R[1], R[2], extent),
+        "oblique": _look(-R[2] - 0.7 * R[1] + 0.6 * R[0], -R[1], extent),
+    }
+    layout = _layout(unit, view, extent, views[FIRST_VIEW]["camera"])
     return Scene(data=data, layout=layout, switches=switches, views=views, remarks=remarks)
-
-
-def _unit(v: Float) -> Float:
-    return np.asarray(v / np.linalg.norm(v))

@@ -39,7 +39,7 @@ def vertex_colors(mesh: TriangleMesh) -> Array | None:
 
 
 def _cluster(mesh: TriangleMesh, cell: float) -> tuple[Int, Int]:
-    """Merge the vertices in each cubic cell: the label of each vertex, and the faces that remain."""
+    """Merge the vertices in each cubic cell: labels of the vertices, and the faces that remain."""
     key = np.floor((mesh.vertices - mesh.vertices.min(axis=0)) / cell).astype(np.int64)
     extent = key.max(axis=0) + 1
     flat = (key[:, 0] * extent[1] + key[:, 1]) * extent[2] + key[:, 2]

@@ -56,6 +56,13 @@ def number(value: float | None, digits: int = 3) -> str:
     return text.replace(",", THIN_SPACE).replace("-", "−")
 
 
+def fixed(value: float | None, digits: int) -> str:
+    """So many decimals, with a proper minus and none before a zero; a dash for None."""
+    if value is None:
+        return "–"
+    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
+
+
 def count(value: int, noun: str) -> str:
     """``3 images``, ``1 image``, ``0 images``."""
     return f"{number(value)} {noun}" + ("" if value == 1 else "s")
@@ -108,14 +115,15 @@ def _facts(m: dict[str, Any]) -> Iterator[str]:
         )
         yield (
             f"Residuals have σ = {number(r['sigma_x_px'])} px in x and "
-            f"{number(r['sigma_y_px'])} px in y{nm}, over {count(r['num_residuals'], 'kept observation')}."
+            f"{number(r['sigma_y_px'])} px in y{nm}, over "
+            f"{count(r['num_residuals'], 'kept observation')}."
         )
     rotation = m["rotation"]
     if rotation["axis_camera"] is not None:
         yield (
             f"The specimen turned through {number(rotation['range_deg'], 4)}° about one axis, in "
             f"steps of {number(rotation['median_step_deg'])}° (median), with a wobble of "
-            f"{number(rotation['wobble_rms_deg'], 2)}° rms."
+            f"{fixed(rotation['wobble_rms_deg'], 2)}° rms."
         )
         if rotation["closure"]["is_full_turn"]:
             closing = rotation["closure"]

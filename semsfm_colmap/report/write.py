@@ -51,14 +51,7 @@ def write_report(
 ) -> dict[str, Any]:
     """Compute the metrics, draw the figures and the page, and put them into `report_path`.
 
-    Returns
-    -------
-    The metrics, as in metrics.json.
-
-    Raises
-    ------
-    UsageError
-        when the folder cannot be written
+    Returns the metrics, as in metrics.json; raises UsageError when the folder cannot be written.
     """
     metrics = compute_metrics(inputs)
     figures = draw_figures(inputs, metrics, options)
