@@ -43,7 +43,9 @@ def covisible_pairs(W: sparse.csr_array, num_neighbours: int, min_tracks: int) -
         neighbours, counts = common.indices[begin:end], common.data[begin:end]
         # equal counts in image order, so that the choice does not depend on the sort
         order = np.lexsort((neighbours, -counts))[:num_neighbours]
-        pairs |= {(min(i, int(j)), max(i, int(j))) for j in neighbours[order[counts[order] >= min_tracks]]}
+        pairs |= {
+            (min(i, int(j)), max(i, int(j))) for j in neighbours[order[counts[order] >= min_tracks]]
+        }
     return [np.array(pair, dtype=np.int64) for pair in sorted(pairs)]
 
 
@@ -59,6 +61,7 @@ def grow_block(
     Returns
     -------
     (images, common tracks) of each step from three images on
+
     """
     first, second = (W.indices[W.indptr[i] : W.indptr[i + 1]] for i in pair)
     tracks = np.intersect1d(first, second)
@@ -77,7 +80,7 @@ def grow_block(
         seen = np.zeros(len(tracks), dtype=np.int64)
         seen[rows.indices[rows.indptr[best] : rows.indptr[best + 1]]] = 1
         alive *= seen
-        steps.append((list(images), tracks[alive > 0]))
+        steps.append((list(images), tracks[alive > 0].astype(np.int64)))
     return steps
 
 

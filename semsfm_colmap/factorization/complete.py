@@ -21,6 +21,7 @@ def factorize_complete(M: Float) -> AffineModel:
     Returns
     -------
     AffineModel with ``X`` of unit covariance, ``t`` the row means
+
     """
     mean = M.mean(axis=1)
     U, s, Vt = np.linalg.svd(M - mean[:, None], full_matrices=False)

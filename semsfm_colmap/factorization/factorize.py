@@ -92,6 +92,7 @@ def factorize(
     Returns
     -------
     Solution of (cameras of ``part.images`` in that order, points); diagnostics of each step
+
     """
     number = np.full(observations.num_images, -1, dtype=np.int64)
     number[part.images] = np.arange(len(part.images))

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from semsfm_colmap.geometry.eliminated import SolverOptions, minimise
-from semsfm_colmap.types import AffineModel, Array, Float, Int, Observations, Solution
+from semsfm_colmap.types import AffineModel, Float, Int, Observations, Solution
 
 AffineParams = tuple[Float, Float]
 
@@ -86,6 +86,7 @@ def polish_affine(
     -------
     Solution of AffineModel; ``costs`` are sums of the loss, ``diagnostics["rms_px"]`` the root
     mean square residual per coordinate
+
     """
     gauge = normalise_gauge(start.A, start.t, start.X)
     model = AffineCameraModel.free(len(gauge.t))

@@ -80,7 +80,9 @@ def _params(L: Float) -> Float:
     return np.asarray(P[_LOWER])
 
 
-def refine_upgrade(A: Float, L: Float, scale_sigma: float, camera_sigma: float) -> tuple[Float, float]:
+def refine_upgrade(
+    A: Float, L: Float, scale_sigma: float, camera_sigma: float
+) -> tuple[Float, float]:
     """Refine L (lower triangular, positive diagonal) on all constraints; returns (L, cost).
 
     Residuals: rows of equal length and orthogonal up to `camera_sigma`, log magnification zero up
@@ -108,7 +110,7 @@ def positive_definite_start(Q: Float) -> tuple[Float, bool]:
     floor = 1e-2 * max(values[-1], 1e-300)
     indefinite = bool(values[0] < 1e-6 * values[-1])
     Q = vectors @ np.diag(np.maximum(values, floor if indefinite else values[0])) @ vectors.T
-    return np.linalg.cholesky(Q), indefinite
+    return np.asarray(np.linalg.cholesky(Q), dtype=np.float64), indefinite
 
 
 def upgrade_to_euclidean(
@@ -128,6 +130,7 @@ def upgrade_to_euclidean(
     magnification is 1 px per unit, the hand is one of the two possible. ``diagnostics`` has the
     ``singular_values`` of the constraint system, ``num_free`` directions and ``indefinite``.
     Status "underdetermined" when more than nothing is left free by the views.
+
     """
     A = np.asarray(model.A)
     norm = np.sqrt(np.mean(A * A))

@@ -74,6 +74,7 @@ def fit_similarity(
     ------
     InputError
         The points of a set lie on a line or in one place: no unique rotation.
+
     """
     source = np.asarray(source, dtype=np.float64)
     target = np.asarray(target, dtype=np.float64)
@@ -112,6 +113,7 @@ def align_rotations(R_est: Float, R_true: Float) -> Float:
     Returns
     -------
     (3, 3): ``x_estimated = Q x_true``
+
     """
     if R_est.shape != R_true.shape or R_est.ndim != 3 or len(R_est) == 0:
         raise UsageError(f"{R_est.shape=}, {R_true.shape=} but expected both (M, 3, 3), M >= 1")
@@ -152,18 +154,21 @@ def align_cameras(
 ) -> CameraAlignment:
     """Align orthographic cameras with the true ones of the same images, camera by camera.
 
-    With ``X_true = k Q^T X_est + c`` equal images mean, for each camera,
+    With ``X_true = k Q^T X_est + c``, Q is that of `align_rotations` and k the geometric mean of
+    the ratios s_est / s_true. The shift takes the true world's origin, triangulated by the
+    estimated cameras where the true ones see it,
 
-        R_est Q = R_true,     k s_true = s_est,     s_true K2 R_true[:2] c = t_est - t_true:
+        min over o of  sum_i ||s_est K2 R_est[:2] o + t_est - t_true||^2,     c = -k Q^T o,
 
-    Q by `align_rotations`, k as the geometric mean of the ratios of scales, c by linear least
-    squares. A shift along the viewing direction leaves no trace in one image, so c is what all
-    cameras say together; if all look along one line, its component along it is set to 0.
+    so it does not depend on where the estimate has its own origin. A shift along the viewing
+    direction leaves no trace in one image: o is what all cameras say together; if all look along
+    one line, its component along it is 0.
 
     Parameters
     ----------
     estimated, true : M >= 1 cameras each, in the same order
     reverse_depth : align the depth-reversed twin of `estimated` instead
+
     """
     if len(estimated) != len(true) or len(true) == 0:
         raise UsageError(f"{len(estimated)=}, {len(true)=} but expected the same number, >= 1")
@@ -171,16 +176,16 @@ def align_cameras(
     Q = align_rotations(hand.cam_from_world, true.cam_from_world)
     log_ratio = np.log(estimated.scale_px_per_unit / true.scale_px_per_unit)
     k = float(np.exp(np.mean(log_ratio)))
-    rows = true.projection.reshape(-1, 3)
-    wanted = (estimated.translation_px - true.translation_px).reshape(-1)
-    shift = np.asarray(np.linalg.lstsq(rows, wanted, rcond=1e-6)[0], dtype=np.float64)
+    rows = hand.projection.reshape(-1, 3)
+    wanted = (true.translation_px - estimated.translation_px).reshape(-1)
+    origin = np.asarray(np.linalg.lstsq(rows, wanted, rcond=1e-6)[0], dtype=np.float64)
     world = Q.T @ MIRROR_Z if reverse_depth else Q.T
     error = np.asarray(hand.cam_from_world @ Q @ np.swapaxes(true.cam_from_world, 1, 2))
     return CameraAlignment(
-        true_from_estimated=Similarity(rotation=world, scale=k, shift=shift),
+        true_from_estimated=Similarity(rotation=world, scale=k, shift=-k * (Q.T @ origin)),
         depth_reversed=reverse_depth,
         rotation_error_rad=rotation_angle(error),
-        translation_error_px=(wanted - rows @ shift).reshape(-1, 2),
+        translation_error_px=(rows @ origin - wanted).reshape(-1, 2),
         scale_ratio=np.exp(log_ratio - np.mean(log_ratio)),
     )
 

@@ -1,6 +1,6 @@
 """Least squares over cameras with the points eliminated exactly.
 
-The cost is ``sum_o rho(|r_o|^2 / sigma^2) + |prior(c)|^2`` with ``r_o = A_i(c) X_j + t_i(c) - xy_o``.
+The cost is ``sum_o rho(|r_o|^2 / sigma^2) + |prior(c)|^2``, ``r_o = A_i(c) X_j + t_i(c) - xy_o``.
 For given cameras the points are linear (`points.solve_points`), so the search runs over the camera
 parameters alone: variable projection (Golub and Pereyra 1973) with Kaufman's approximation of the
 Jacobian, which is the Schur complement of bundle adjustment evaluated at the optimal points. Each
@@ -40,9 +40,15 @@ DENSE_CHUNK_LIMIT = 3000
 class CameraModel(Protocol[P]):
     """What the solver needs to know of a camera parametrisation with p parameters an image."""
 
-    param_idx: Int
-    """(M, p): where each local parameter stands in the global vector; -1 is held fixed."""
-    num_params: int
+    @property
+    def param_idx(self) -> Int:
+        """(M, p): where each local parameter stands in the global vector; -1 is held fixed."""
+        ...
+
+    @property
+    def num_params(self) -> int:
+        """Length of the global vector."""
+        ...
 
     def cameras(self, params: P) -> tuple[Float, Float]:
         """The affine cameras A (M, 2, 3), t (M, 2)."""
@@ -249,9 +255,7 @@ def minimise(
     options = options or SolverOptions()
     pointer = track_pointer(observations.track_idx, observations.num_tracks)
     ones = np.ones(len(observations))
-    state: Eliminated[Any] = evaluate(
-        model, params, observations, pointer, sigma_px, options, ones
-    )
+    state: Eliminated[Any] = evaluate(model, params, observations, pointer, sigma_px, options, ones)
     costs = [state.cost]
     damping, growth = options.initial_damping, 2.0
     converged = False

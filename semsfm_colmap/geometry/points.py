@@ -1,7 +1,7 @@
 """Linear structure: with the cameras known, each point is a small linear least-squares problem.
 
 For track j with cameras ``xy = A_i X + t_i`` and weights w, the point that minimises
-``sum_i w_i |A_i X + t_i - xy_i|^2`` solves the 3 x 3 system ``(sum w A^T A) X = sum w A^T (xy - t)``.
+``sum_i w_i |A_i X + t_i - xy_i|^2`` solves ``(sum w A^T A) X = sum w A^T (xy - t)``, 3 x 3.
 Observations must be sorted by track; ``track_pointer[j] : track_pointer[j + 1]`` are those of j.
 """
 
@@ -84,6 +84,7 @@ def solve_points(
     Returns
     -------
     (N, 3), nan where the rays of a track do not fix a point
+
     """
     X = np.empty((len(pointer) - 1, 3))
     _solve_points(A, t, image_idx, pointer, xy, weight, X)
@@ -95,9 +96,9 @@ def _residuals(A, t, X, image_idx, track_idx, xy, r):  # type: ignore[no-untyped
     for o in numba.prange(len(image_idx)):
         i, j = image_idx[o], track_idx[o]
         for d in range(2):
-            r[o, d] = (
-                A[i, d, 0] * X[j, 0] + A[i, d, 1] * X[j, 1] + A[i, d, 2] * X[j, 2]
-            ) + (t[i, d] - xy[o, d])
+            r[o, d] = (A[i, d, 0] * X[j, 0] + A[i, d, 1] * X[j, 1] + A[i, d, 2] * X[j, 2]) + (
+                t[i, d] - xy[o, d]
+            )
 
 
 def residuals(A: Float, t: Float, X: Float, image_idx: Int, track_idx: Int, xy: Float) -> Float:

@@ -27,6 +27,7 @@ def keep_tracks(
     Returns
     -------
     observations, and the old numbers of the tracks kept (N',)
+
     """
     mask = np.asarray(mask, dtype=bool)
     if image_number is not None:

@@ -152,6 +152,7 @@ def triangulate_tracks(
     -------
     X : (N, 3), nan where no two views agree
     inlier : (O,)
+
     """
     num_tracks = len(pointer) - 1
     X = np.full((num_tracks, 3), np.nan)

@@ -1,4 +1,4 @@
-"""Orthographic bundle adjustment, points eliminated [paper: Levenberg-Marquardt; here on rotations].
+"""Orthographic bundle adjustment on rotations, points eliminated [paper: Levenberg-Marquardt].
 
     xy = s_i K2 (R_i X_j)[:2] + t_i,   K2 = [[1, skew], [0, aspect]]
 
@@ -18,8 +18,7 @@ from scipy import sparse
 
 from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions, minimise
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.types import Array, Float, Int, Observations, OrthographicCameras, Solution
-
+from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Solution
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,6 +137,7 @@ def bundle_adjust(
     Returns
     -------
     Solution of (cameras, points (N, 3)); ``diagnostics`` holds the final `Eliminated` state
+
     """
     model = BundleModel.build(
         len(cameras),

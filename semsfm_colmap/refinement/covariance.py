@@ -27,7 +27,7 @@ from semsfm_colmap.types import Array, Float, Observations, OrthographicCameras,
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Covariance:
-    """Standard deviations of the cameras, covariance of the points; see the module for the gauge."""
+    """Standard deviations of cameras, covariance of points, in the module's gauge."""
 
     sigma_rotation_rad: Float
     sigma_translation_px: Float
@@ -75,9 +75,7 @@ def _point_covariance(J, A, w, image_idx, pointer, param_idx, C, out):  # type: 
             i = image_idx[o]
             for k in range(p):
                 for m in range(3):
-                    E[o - begin, k, m] = w[o] * (
-                        J[o, 0, k] * A[i, 0, m] + J[o, 1, k] * A[i, 1, m]
-                    )
+                    E[o - begin, k, m] = w[o] * (J[o, 0, k] * A[i, 0, m] + J[o, 1, k] * A[i, 1, m])
         B = np.zeros((3, 3))
         for o in range(begin, end):
             for q in range(begin, end):

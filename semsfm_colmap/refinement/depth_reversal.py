@@ -75,7 +75,7 @@ def regions(points: Float, count: int) -> Int:
 
 
 def cue_from_points(value: Float, label: Int) -> Cue:
-    """t statistic of the mean over regions of a number a point (nan: no say)."""
+    """T statistic of the mean over regions of a number a point (nan: no say)."""
     good = np.isfinite(value)
     if not good.any():
         return Cue(t=0.0, num_regions=0, probability=0.5)
@@ -117,6 +117,7 @@ def visibility_cues(
     ----------
     observations : inliers only
     max_points, max_images : larger models are thinned evenly to so many
+
     """
     pick = np.unique(np.linspace(0, len(points) - 1, min(max_points, len(points))).astype(int))
     views = np.unique(np.linspace(0, len(cameras) - 1, min(max_images, len(cameras))).astype(int))
@@ -136,7 +137,9 @@ def visibility_cues(
     # depths relative to what lies in the field of each view
     in_field = np.where(inside | seen, depth, np.nan)
     with np.errstate(all="ignore"):
-        centre = np.array([np.nanmedian(row) if np.isfinite(row).any() else 0.0 for row in in_field])
+        centre = np.array(
+            [np.nanmedian(row) if np.isfinite(row).any() else 0.0 for row in in_field]
+        )
     relative = depth - centre[:, None]
     n_seen, n_unseen = seen.sum(axis=0), unseen.sum(axis=0)
     both = (n_seen > 0) & (n_unseen > 0)
@@ -152,8 +155,10 @@ def visibility_cues(
         if len(front) < 4 * SURFACE_NEIGHBOURS or len(hidden) == 0:
             continue
         tree = cKDTree(xy[i, front])
-        typical = float(np.median(tree.query(xy[i, front], k=SURFACE_NEIGHBOURS + 1)[0][:, -1]))
+        spacing = np.asarray(tree.query(xy[i, front], k=SURFACE_NEIGHBOURS + 1)[0])
+        typical = float(np.median(spacing[:, -1]))
         distance, nearest = tree.query(xy[i, hidden], k=SURFACE_NEIGHBOURS)
+        distance, nearest = np.asarray(distance), np.asarray(nearest)
         covered = distance[:, -1] < 2.0 * typical
         surface = np.median(depth[i, front][nearest], axis=1)
         behind = depth[i, hidden] - surface
@@ -168,9 +173,7 @@ def visibility_cues(
     }
 
 
-def reverse_depth(
-    cameras: OrthographicCameras, points: Float
-) -> tuple[OrthographicCameras, Float]:
+def reverse_depth(cameras: OrthographicCameras, points: Float) -> tuple[OrthographicCameras, Float]:
     """The twin with the same images: ``R -> D R D``, ``X -> D X``."""
     from dataclasses import replace
 

@@ -25,9 +25,10 @@ class RefinementOptions:
     min_triangulation_angle_deg: float = 1.0
     """Points whose rays all lie within this angle have no reliable depth and are left out."""
     camera_model: Literal["orthographic", "scaled_orthographic", "affine"] = "scaled_orthographic"
-    """orthographic: one magnification; scaled: one an image; affine: also shared aspect and skew."""
+    """orthographic: one magnification; scaled: one an image; affine: also aspect and skew."""
     scale_sigma: float = 0.001
-    """Prior: relative standard deviation of the magnification between images (SEM: 0.0005-0.003)."""
+    """Prior: relative standard deviation of the magnification between images; SEMs have 0.0005 to
+    0.003."""
     affine_sigma: float = 0.003
     """Prior: standard deviation of aspect - 1 and skew, with the affine camera model."""
     loss: Literal["squared", "huber", "cauchy"] = "cauchy"

@@ -107,9 +107,7 @@ def select_inliers(
     return inlier & good[obs.track_idx]
 
 
-def registered_images(
-    inlier: Bool, observations: Observations, options: RefinementOptions
-) -> Int:
+def registered_images(inlier: Bool, observations: Observations, options: RefinementOptions) -> Int:
     """Images with enough inlier observations."""
     count = np.bincount(observations.image_idx[inlier], minlength=observations.num_images)
     return np.flatnonzero(count >= options.min_image_observations)
@@ -181,9 +179,7 @@ def _adjust(
     row[images] = np.arange(len(images))
     all_tracks = track_number[tracks]
     full = np.zeros(len(observations), dtype=bool)
-    positions = np.flatnonzero(
-        usable & np.isin(observations.track_idx, track_number)
-    )
+    positions = np.flatnonzero(usable & np.isin(observations.track_idx, track_number))
     full[positions[inlier]] = True
     return _Fit(
         images=images,
@@ -264,6 +260,7 @@ def refine(
     Returns
     -------
     Solution of Refined; status "too_few_observations" when the tracks do not support three images
+
     """
     rounds: list[Round] = []
     fit: _Fit | None = None

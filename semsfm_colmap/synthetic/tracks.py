@@ -47,6 +47,7 @@ def simulate_tracks(
     body : "body" (points on a bumpy sphere, seen on the side that faces the viewer) or "field"
         (a rough surface around z = 0, all seen)
     scale_drift : relative standard deviation of the magnification per image
+
     """
     angles = np.deg2rad(np.linspace(-range_deg / 2, range_deg / 2, num_images))
     axis = np.array([0.02, 1.0, 0.03])
@@ -75,9 +76,7 @@ def simulate_tracks(
     track_idx, image_idx = np.nonzero(facing)
     used, track_idx = np.unique(track_idx, return_inverse=True)
     points = points[used]
-    cameras = OrthographicCameras(
-        cam_from_world=R, scale_px_per_unit=scale, translation_px=t
-    )
+    cameras = OrthographicCameras(cam_from_world=R, scale_px_per_unit=scale, translation_px=t)
     xy = cameras.project(points[track_idx], image_idx)
     xy = xy + noise_px * rng.normal(size=xy.shape)
     wrong = rng.random(len(xy)) < outlier_share

@@ -1,0 +1,113 @@
+"""What the subcommands share: flags from the configuration, precedence, verbosity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import tyro
+
+from semsfm_colmap.config import Config, read_config
+from semsfm_colmap.errors import UsageError
+from semsfm_colmap.pipeline.reporter import Reporter
+
+T = TypeVar("T")
+
+Flattened = Annotated[Config, tyro.conf.arg(name="")]
+Verbose = Annotated[bool, tyro.conf.arg(aliases=["-v"])]
+Quiet = Annotated[bool, tyro.conf.arg(aliases=["-q"])]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageArguments:
+    """Arguments of a command that works on a project."""
+
+    project_path: tyro.conf.Positional[Path]
+    """The project folder."""
+    config_path: Path | None = None
+    """TOML file with options; default: the project's semsfm.toml. Flags override it."""
+    force: bool = False
+    """Run even when nothing has changed."""
+    verbose: Verbose = False
+    """Say more."""
+    quiet: Quiet = False
+    """Say nothing but warnings."""
+    config: Flattened = field(default_factory=Config)
+
+
+def parse(command: type[T], arguments: Sequence[str], name: str, description: str) -> T:
+    """Parse arguments into a dataclass, flags in COLMAP's spelling (underscores)."""
+    return tyro.cli(
+        command,
+        args=positional_first(arguments),
+        prog=f"semsfm {name}",
+        description=description,
+        use_underscores=True,
+    )
+
+
+def positional_first(arguments: Sequence[str]) -> list[str]:
+    """Accept ``--image_path X`` and ``--project_path X`` for the positional argument, as COLMAP."""
+    args = list(arguments)
+    for flag in ("--image_path", "--project_path"):
+        for k, argument in enumerate(args):
+            if argument == flag and k + 1 < len(args):
+                value = args[k + 1]
+                return [value, *args[:k], *args[k + 2 :]]
+            if argument.startswith(flag + "="):
+                return [argument.split("=", 1)[1], *args[:k], *args[k + 1 :]]
+    return args
+
+
+def verbosity(verbose: bool, quiet: bool) -> Reporter:
+    """A reporter that says as much as was asked for."""
+    return Reporter(verbosity=-1 if quiet else 1 if verbose else 0)
+
+
+def file_config(arguments: Sequence[str], project_path: Path | None = None) -> Config:
+    """The configuration before flags: ``--config_path``, else the project's, else defaults."""
+    args = list(arguments)
+    for k, argument in enumerate(args):
+        if argument == "--config_path" and k + 1 < len(args):
+            return read_config(Path(args[k + 1]))
+        if argument.startswith("--config_path="):
+            return read_config(Path(argument.split("=", 1)[1]))
+    if project_path is not None and (project_path / "semsfm.toml").is_file():
+        return read_config(project_path / "semsfm.toml")
+    return Config()
+
+
+def with_default_config(command: type[Any], config: Config) -> type[Any]:
+    """The command with another default configuration, so that flags override a file."""
+    from dataclasses import make_dataclass
+
+    return make_dataclass(
+        command.__name__,
+        [("config", Flattened, field(default_factory=lambda: config))],
+        bases=(command,),
+        frozen=True,
+        kw_only=True,
+    )
+
+
+def run_stage_command(
+    name: str, stages: Sequence[str], arguments: Sequence[str], description: str
+) -> None:
+    """A command that runs some stages of an existing project."""
+    from semsfm_colmap.pipeline.reconstruct import run_stages
+
+    args = positional_first(arguments)
+    project = Path(args[0]) if args and not args[0].startswith("-") else None
+    command = with_default_config(StageArguments, file_config(args, project))
+    parsed = parse(command, args, name, description)
+    if not parsed.project_path.is_dir():
+        raise UsageError(f"{parsed.project_path} is not a folder: give a project folder")
+    run_stages(
+        parsed.project_path,
+        parsed.config,
+        names=stages,
+        reporter=verbosity(parsed.verbose, parsed.quiet),
+        force=parsed.force,
+    )

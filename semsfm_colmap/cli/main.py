@@ -1,0 +1,86 @@
+"""Entry point of `semsfm`: finds the subcommand, turns errors into a sentence and an exit code."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+COMMANDS = {
+    "reconstruct": "images to COLMAP project, mesh and report: everything below in one go",
+    "extract": "read and prepare the images, find keypoints",
+    "match": "match image pairs and verify them with affine epipolar geometry",
+    "map": "cameras and points: factorization, filtering, bundle adjustment",
+    "densify": "depth maps and their fusion",
+    "mesh": "surface mesh and texture",
+    "report": "metrics and HTML report of a project",
+    "inspect": "what the image files say: sizes, pixel size, tilt, problems",
+    "evaluate": "compare a project with known truth",
+    "synthesize": "render an SEM-like series with exact truth",
+}
+
+
+def usage() -> str:
+    """The text of `semsfm --help`."""
+    width = max(len(name) for name in COMMANDS)
+    lines = [f"  {name:<{width}}  {text}" for name, text in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: semsfm COMMAND [options]",
+            "",
+            "3-D reconstruction from scanning electron microscope images (parallel projection).",
+            "",
+            "  semsfm reconstruct IMAGES --output_path PROJECT",
+            "",
+            "commands:",
+            *lines,
+            "",
+            "`semsfm COMMAND --help` lists the options of a command.",
+        ]
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one subcommand; returns 0 done, 1 the data do not allow it, 2 usage."""
+    args = list(sys.argv[1:] if arguments is None else arguments)
+    if not args or args[0] in ("-h", "--help", "help"):
+        print(usage())
+        return 0 if args else 2
+    if args[0] == "--version":
+        from semsfm_colmap import __version__
+
+        print(f"semsfm {__version__}")
+        return 0
+    name = args[0].replace("-", "_")
+    if args[0] not in COMMANDS:
+        import difflib
+
+        near = difflib.get_close_matches(args[0], COMMANDS, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        print(
+            f"semsfm: unknown command {args[0]}{hint} (semsfm --help lists them)", file=sys.stderr
+        )
+        return 2
+    from semsfm_colmap.errors import SemSfmError
+
+    command = importlib.import_module(f"semsfm_colmap.cli.{name}")
+    try:
+        command.main(args[1:])
+    except SemSfmError as error:
+        print(f"semsfm {args[0]}: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print(
+            f"semsfm {args[0]}: stopped; what was finished is kept, the same command goes on",
+            file=sys.stderr,
+        )
+        return 130
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        print(f"semsfm {args[0]}: {place}{error.strerror or error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

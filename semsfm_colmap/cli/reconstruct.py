@@ -1,0 +1,58 @@
+"""`semsfm reconstruct`: images to COLMAP project, mesh and report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import tyro
+
+from semsfm_colmap.cli.common import (
+    Flattened,
+    Quiet,
+    Verbose,
+    file_config,
+    parse,
+    positional_first,
+    verbosity,
+    with_default_config,
+)
+from semsfm_colmap.config import Config
+
+DESCRIPTION = "A folder of SEM images becomes a COLMAP project, a mesh and a report."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """Arguments of the command."""
+
+    image_path: tyro.conf.Positional[Path]
+    """Folder with the images, named in the order of the tilt or rotation."""
+    output_path: Path
+    """The project folder; a second run keeps what has not changed."""
+    config_path: Path | None = None
+    """TOML file with options; flags override it."""
+    force: bool = False
+    """Run every stage even when nothing has changed."""
+    verbose: Verbose = False
+    """Say more."""
+    quiet: Quiet = False
+    """Say nothing but warnings."""
+    config: Flattened = field(default_factory=Config)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run the command."""
+    from semsfm_colmap.pipeline.reconstruct import run_stages
+
+    args = positional_first(arguments)
+    command = with_default_config(Arguments, file_config(args))
+    parsed = parse(command, args, "reconstruct", DESCRIPTION)
+    run_stages(
+        parsed.output_path,
+        parsed.config,
+        image_path=parsed.image_path,
+        reporter=verbosity(parsed.verbose, parsed.quiet),
+        force=parsed.force,
+    )

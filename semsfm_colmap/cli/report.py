@@ -1,0 +1,14 @@
+"""`semsfm report`: one stage on a project folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from semsfm_colmap.cli.common import run_stage_command
+
+DESCRIPTION = "Metrics and HTML report."
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run the command."""
+    run_stage_command("report", ("report",), arguments, DESCRIPTION)

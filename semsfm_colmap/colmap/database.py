@@ -1,0 +1,165 @@
+"""COLMAP's database.db, the working store: images, keypoints, matches, two-view geometries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from semsfm_colmap.colmap.library import pycolmap
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.types import Array, Float, Int
+
+ImagePair = tuple[int, int]
+"""COLMAP image ids, the smaller one first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatabaseImage:
+    """A row of the images table."""
+
+    image_id: int
+    name: str
+    camera_id: int
+
+
+@contextmanager
+def open_database(path: Path, *, create: bool = False) -> Iterator[Any]:
+    """Open a database; one sentence when it is missing, locked or not a database."""
+    if not create and not path.is_file():
+        raise InputError(f"{path} does not exist: run `semsfm extract` first")
+    try:
+        database = pycolmap.Database.open(str(path))
+    except RuntimeError as error:
+        raise InputError(_database_sentence(path, error)) from error
+    try:
+        yield database
+    except RuntimeError as error:
+        raise InputError(_database_sentence(path, error)) from error
+    finally:
+        database.close()
+
+
+def _database_sentence(path: Path, error: Exception) -> str:
+    text = " ".join(str(error).split())
+    if "locked" in text:
+        return f"{path} is in use by another program (COLMAP's GUI?): close it and run again"
+    return f"{path} cannot be used as a COLMAP database ({text[:200]}): move it away and run again"
+
+
+def read_images(path: Path) -> list[DatabaseImage]:
+    """All images, by id."""
+    with open_database(path) as db:
+        images = [
+            DatabaseImage(image_id=i.image_id, name=i.name, camera_id=i.camera_id)
+            for i in db.read_all_images()
+        ]
+    return sorted(images, key=lambda image: image.image_id)
+
+
+def images_without_features(path: Path, names: Iterable[str]) -> list[str]:
+    """The names that have no keypoints and descriptors yet."""
+    if not path.is_file():
+        return list(names)
+    with open_database(path) as db:
+        done = {
+            i.name
+            for i in db.read_all_images()
+            if db.exists_keypoints(i.image_id) and db.exists_descriptors(i.image_id)
+        }
+    return [name for name in names if name not in done]
+
+
+def read_keypoints(path: Path, image_ids: Iterable[int]) -> dict[int, Float]:
+    """Keypoint positions (K, 2) px of each image, COLMAP's pixel origin."""
+    with open_database(path) as db:
+        return {
+            i: np.asarray(db.read_keypoints(i), dtype=np.float64)[:, :2]
+            if db.exists_keypoints(i)
+            else np.zeros((0, 2))
+            for i in image_ids
+        }
+
+
+def read_descriptors(path: Path, image_id: int) -> Array:
+    """Descriptors (K, D) of one image."""
+    with open_database(path) as db:
+        descriptors = db.read_descriptors(image_id)
+    return np.asarray(getattr(descriptors, "data", descriptors))
+
+
+def read_matches(path: Path) -> dict[ImagePair, Int]:
+    """All raw matches: pair of image ids -> (L, 2) keypoint indices."""
+    with open_database(path) as db:
+        pair_ids, matches = db.read_all_matches()
+    return {
+        _image_pair(p): np.asarray(m, dtype=np.int64)
+        for p, m in zip(pair_ids, matches, strict=True)
+    }
+
+
+def _image_pair(pair_id: int) -> ImagePair:
+    first, second = pycolmap.pair_id_to_image_pair(pair_id)
+    return int(first), int(second)
+
+
+def pairs_without_matches(path: Path, pairs: Sequence[ImagePair]) -> list[ImagePair]:
+    """The pairs that the matches table does not know yet; an empty entry counts as known."""
+    with open_database(path) as db:
+        return [pair for pair in pairs if not db.exists_matches(*pair)]
+
+
+def clear_matches(path: Path) -> None:
+    """Forget all matches and two-view geometries."""
+    with open_database(path) as db, pycolmap.DatabaseTransaction(db):
+        db.clear_two_view_geometries()
+        db.clear_matches()
+
+
+def write_matches(path: Path, matches: Mapping[ImagePair, Array]) -> None:
+    """Write matches of pairs that have none yet."""
+    with open_database(path) as db, pycolmap.DatabaseTransaction(db):
+        for (first, second), rows in matches.items():
+            db.write_matches(first, second, np.ascontiguousarray(rows, dtype=np.uint32))
+
+
+def write_two_view_geometries(
+    path: Path, geometries: Mapping[ImagePair, tuple[Float | None, Array]]
+) -> None:
+    """Replace all two-view geometries, in one transaction.
+
+    Parameters
+    ----------
+    geometries : pair of image ids -> (F (3, 3) or None, inlier matches (L, 2)). COLMAP knows no
+        affine kind; UNCALIBRATED with F is what its mapper and triangulator accept.
+
+    """
+    configuration = pycolmap.TwoViewGeometryConfiguration
+    with open_database(path) as db, pycolmap.DatabaseTransaction(db):
+        db.clear_two_view_geometries()
+        for (first, second), (F, rows) in geometries.items():
+            geometry = pycolmap.TwoViewGeometry()
+            if F is None or len(rows) == 0:
+                geometry.config = int(configuration.DEGENERATE)
+                geometry.inlier_matches = np.zeros((0, 2), dtype=np.uint32)
+            else:
+                geometry.config = int(configuration.UNCALIBRATED)
+                geometry.F = F
+                geometry.inlier_matches = np.ascontiguousarray(rows, dtype=np.uint32)
+            db.write_two_view_geometry(first, second, geometry)
+
+
+def read_inlier_matches(path: Path) -> dict[ImagePair, Int]:
+    """Verified matches of all pairs that have any."""
+    with open_database(path) as db:
+        pair_ids, geometries = db.read_two_view_geometries()
+    result = {}
+    for p, g in zip(pair_ids, geometries, strict=True):
+        rows = np.asarray(g.inlier_matches, dtype=np.int64)
+        if len(rows):
+            result[_image_pair(p)] = rows.reshape(-1, 2)
+    return result

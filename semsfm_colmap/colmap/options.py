@@ -1,0 +1,33 @@
+"""Options of the COLMAP side: feature extraction and matching through pycolmap, model export."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiftOptions:
+    """COLMAP's SIFT on the CPU."""
+
+    max_num_features: int = 8192
+    """Most keypoints of an image."""
+    first_octave: int = -1
+    """-1 doubles the image first: more and finer keypoints."""
+    peak_threshold: float = 0.02 / 3
+    """Contrast below which a keypoint is dropped."""
+    edge_threshold: float = 10.0
+    """Ratio of curvatures above which a keypoint counts as an edge."""
+    estimate_affine_shape: bool = False
+    """Adapt each keypoint to an ellipse."""
+    domain_size_pooling: bool = False
+    """Pool descriptors over several domain sizes: slower, more matches."""
+    upright: bool = False
+    """Fix the orientation of all keypoints."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """The COLMAP model."""
+
+    max_deviation_px: float = 0.04
+    """Largest allowed distance between COLMAP's long-focal pinhole and the parallel projection."""

@@ -1,0 +1,120 @@
+"""The configuration: one section a stage; TOML in, TOML out; unknown keys refused."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from semsfm_colmap.colmap.options import ExportOptions, SiftOptions
+from semsfm_colmap.errors import UsageError
+from semsfm_colmap.factorization.options import FactorizationOptions
+from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.matching.options import MatchingOptions
+from semsfm_colmap.refinement.options import RefinementOptions
+from semsfm_colmap.surface.options import SurfaceOptions
+from semsfm_colmap.tracks.options import TrackOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """All options of a reconstruction."""
+
+    # on the command line the ingest options go without a prefix: --pixel_size_um, --crop
+    ingest: Annotated[IngestOptions, tyro.conf.arg(name="")] = field(default_factory=IngestOptions)
+    """Reading and preparing images"""
+    features: SiftOptions = field(default_factory=SiftOptions)
+    """Keypoints and descriptors"""
+    matching: MatchingOptions = field(default_factory=MatchingOptions)
+    """Pairs and their verification"""
+    tracks: TrackOptions = field(default_factory=TrackOptions)
+    """Joining matches"""
+    factorization: FactorizationOptions = field(default_factory=FactorizationOptions)
+    """Initial cameras"""
+    refinement: RefinementOptions = field(default_factory=RefinementOptions)
+    """Filtering, bundle adjustment, hand"""
+    export: ExportOptions = field(default_factory=ExportOptions)
+    """COLMAP model"""
+    surface: SurfaceOptions = field(default_factory=SurfaceOptions)
+    """Depth maps and mesh"""
+    seed: int = 0
+    """Seed of everything random: same seed, same result"""
+    num_threads: int = -1
+    """Threads of feature extraction and matching; -1 for all cores"""
+
+
+def config_to_dict(config: Config) -> dict[str, Any]:
+    """Plain values only, None left out: what TOML can hold."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {k: plain(v) for k, v in value.items() if v is not None}
+        if isinstance(value, (list, tuple)):
+            return [plain(v) for v in value]
+        return str(value) if isinstance(value, Path) else value
+
+    result: dict[str, Any] = plain(asdict(config))
+    return result
+
+
+def config_from_dict(data: dict[str, Any], source: str = "the configuration") -> Config:
+    """Validate types and names; one sentence for the first thing that is wrong."""
+    from pydantic import TypeAdapter, ValidationError
+
+    _refuse_unknown(data, source)
+    try:
+        return TypeAdapter(Config).validate_python(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise UsageError(f"{source}: {place} = {first.get('input')!r}: {first['msg']}") from error
+
+
+def _refuse_unknown(data: dict[str, Any], source: str) -> None:
+    import difflib
+
+    known = asdict(Config())
+    sections = {k: set(v) for k, v in known.items() if isinstance(v, dict)}
+    for key, value in data.items():
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise UsageError(f"{source}: unknown key {key}{hint}")
+        if key in sections:
+            if not isinstance(value, dict):
+                raise UsageError(f"{source}: {key} is a section, but {value!r} was given")
+            for name in value:
+                if name not in sections[key]:
+                    near = difflib.get_close_matches(name, sections[key], n=1)
+                    hint = f"; did you mean {key}.{near[0]}?" if near else ""
+                    raise UsageError(f"{source}: unknown key {key}.{name}{hint}")
+
+
+def read_config(path: Path) -> Config:
+    """Read a TOML file."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path} is not valid TOML: {error}") from error
+    return config_from_dict(data, source=str(path))
+
+
+def write_config(config: Config, path: Path) -> None:
+    """Write the resolved configuration, aside first, then renamed."""
+    import tomli_w
+
+    aside = path.with_name(f".{path.name}.part")
+    aside.write_text(tomli_w.dumps(config_to_dict(config)), encoding="utf-8")
+    os.replace(aside, path)
+
+
+def options_key(section: Any) -> str:
+    """A section of the configuration as text that changes when any option does."""
+    return json.dumps(asdict(section), sort_keys=True, default=str)

@@ -1,0 +1,137 @@
+"""Affine epipolar geometry from contaminated matches: 4-point LO-RANSAC.
+
+Four correspondences fix the hyperplane (`geometry.epipolar`). All samples are scored at once with
+the truncated squared distance (MSAC, Torr and Zisserman 2000); the best ones are refined by least
+squares on their inliers with a shrinking threshold (locally optimised RANSAC, Chum et al. 2003).
+
+One equation per match is a weak test: in a pair that shows nothing in common some matches satisfy
+it by chance. How many, is measured on the pair itself with its correspondences shuffled, and a
+geometry is accepted only if chance explains its inliers in less than one pair of a thousand
+(a-contrario, Moisan and Stival 2004).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import gammaln
+from scipy.stats import binom
+
+from semsfm_colmap.geometry.epipolar import (
+    epipolar_residual,
+    estimate_affine_fundamental,
+    fundamental_from_hyperplane,
+)
+from semsfm_colmap.types import Bool, Float, Solution
+
+NUM_REFINED = 5
+"""Samples that are locally optimised."""
+SHRINK = (3.0, 2.0, 1.5, 1.0, 1.0)
+"""Thresholds of the local optimisation, in units of the final one."""
+MAX_LOG_FALSE_ALARMS = np.log(1e-3)
+
+
+def hyperplanes_from_samples(points: Float) -> tuple[Float, Float]:
+    """Unit normals (T, 4) and offsets (T,) through four points each: (T, 4, 4) -> ...
+
+    The normal is the generalised cross product of the three difference vectors.
+    """
+    d = points[:, 1:] - points[:, :1]
+    a, b, c = d[:, 0], d[:, 1], d[:, 2]
+    n = np.empty((len(points), 4))
+    for k in range(4):
+        keep = [m for m in range(4) if m != k]
+        minor = np.einsum("ti,ti->t", a[:, keep], np.cross(b[:, keep], c[:, keep]))
+        n[:, k] = (-1.0) ** k * minor
+    norm = np.linalg.norm(n, axis=1)
+    n /= np.maximum(norm, 1e-300)[:, None]
+    n[norm < 1e-9] = 0.0
+    return n, -np.einsum("tk,tk->t", n, points[:, 0])
+
+
+def log_false_alarms(num_inliers: int, num_matches: int, chance: float) -> float:
+    """Logarithm of the expected number of accidental geometries with so many inliers.
+
+    Each of the ``C(L, 4)`` samples is one test; the other matches agree with probability `chance`.
+    """
+    rest, agree = num_matches - 4, num_inliers - 4
+    if agree <= 0:
+        return 0.0
+    log_tests = gammaln(num_matches + 1) - gammaln(5) - gammaln(num_matches - 3)
+    return float(log_tests + binom.logsf(agree - 1, rest, min(max(chance, 1e-6), 1.0)))
+
+
+def find_affine_fundamental(
+    xy1: Float,
+    xy2: Float,
+    *,
+    max_error_px: float,
+    min_num_inliers: int,
+    trials: int,
+    rng: np.random.Generator,
+) -> Solution[tuple[Float, Bool]]:
+    """Affine F and its inliers among matches, or why there is none.
+
+    Parameters
+    ----------
+    xy1, xy2 : (L, 2) px
+    max_error_px : distance to the constraint up to which a match is an inlier
+
+    Returns
+    -------
+    Solution of (F (3, 3), inlier (L,))
+
+    """
+    L = len(xy1)
+    if max(min_num_inliers, 5) > L:
+        return Solution(value=None, status="too_few_matches", message=f"only {L} matches")
+    data = np.column_stack([xy1, xy2])
+    centre = data.mean(axis=0)
+    centred = data - centre
+    pick = rng.integers(0, L, size=(trials, 4))
+    n, e = hyperplanes_from_samples(centred[pick])
+    distance2 = (centred @ n.T + e) ** 2  # (L, T)
+    limit = max_error_px**2
+    cost = np.minimum(distance2, limit).sum(axis=0)
+    cost[~np.any(n != 0.0, axis=1)] = np.inf
+    best: tuple[float, Float, Bool] | None = None
+    for k in np.argsort(cost, kind="stable")[:NUM_REFINED]:
+        F = fundamental_from_hyperplane(n[k], float(e[k]))
+        c1, c2 = centred[:, :2], centred[:, 2:]
+        for factor in SHRINK:
+            close = np.abs(epipolar_residual(F, c1, c2)) < factor * max_error_px
+            if np.sum(close) < 5:
+                break
+            F = estimate_affine_fundamental(c1[close], c2[close])
+        r2 = epipolar_residual(F, c1, c2) ** 2
+        score = float(np.minimum(r2, limit).sum())
+        if best is None or score < best[0]:
+            best = (score, F, r2 < limit)
+    assert best is not None
+    _, F, inlier = best
+    count = int(inlier.sum())
+    shuffled = np.concatenate(
+        [
+            np.abs(epipolar_residual(F, centred[:, :2], centred[rng.permutation(L), 2:]))
+            for _ in range(4)
+        ]
+    )
+    chance = (np.sum(shuffled < max_error_px) + 1.0) / (len(shuffled) + 1.0)
+    diagnostics = {"num_inliers": count, "chance": chance}
+    if count < min_num_inliers:
+        return Solution(
+            value=None,
+            status="too_few_inliers",
+            message=f"only {count} of {L} matches agree on an affine epipolar geometry",
+            diagnostics=diagnostics,
+        )
+    if log_false_alarms(count, L, chance) > MAX_LOG_FALSE_ALARMS:
+        return Solution(
+            value=None,
+            status="accidental",
+            message=f"{count} of {L} matches agree, which chance explains",
+            diagnostics=diagnostics,
+        )
+    # undo the centring: n . (x - centre) + e
+    normal = np.array([F[2, 0], F[2, 1], F[0, 2], F[1, 2]])
+    F = fundamental_from_hyperplane(normal, float(F[2, 2] - normal @ centre))
+    return Solution(value=(F, inlier), diagnostics=diagnostics)

@@ -1,0 +1,229 @@
+"""From observations to reconstructions: factorization, refinement, hand, error bars, world units.
+
+Pure: nothing is read or written here. A series that falls into parts gives one result a part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from semsfm_colmap.factorization.factorize import factorize, find_parts
+from semsfm_colmap.factorization.options import FactorizationOptions
+from semsfm_colmap.geometry.rotations import MIRROR_Z, depth_reversed
+from semsfm_colmap.refinement.covariance import estimate_covariance
+from semsfm_colmap.refinement.depth_reversal import (
+    decide_depth_sign,
+    reverse_depth,
+    visibility_cues,
+)
+from semsfm_colmap.refinement.options import RefinementOptions
+from semsfm_colmap.refinement.refine import Refined, refine
+from semsfm_colmap.types import Int, Observations, Reconstruction, Solution
+
+GAUGE = (
+    "the world's axes are those of the first registered image (x right, y down, z away from the "
+    "viewer), its origin is the centroid of the points; standard deviations are in the gauge of "
+    "smallest total variance (inner constraints)"
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MappedPart:
+    """One connected part of the series."""
+
+    reconstruction: Reconstruction
+    twin: Reconstruction | None
+    """the depth-reversed model, where the evidence does not decide"""
+    rounds: tuple[dict[str, Any], ...]
+    diagnostics: dict[str, Any]
+
+
+def map_observations(
+    observations: Observations,
+    image_names: tuple[str, ...],
+    image_size_px: Int,
+    *,
+    factorization: FactorizationOptions,
+    refinement: RefinementOptions,
+    pixel_size_um: float | None = None,
+    pixel_size_source: str = "none",
+    seed: int = 0,
+    note: Callable[[str], None] | None = None,
+) -> Solution[list[MappedPart]]:
+    """Reconstruct every connected part of a series, the one with the most images first.
+
+    Parameters
+    ----------
+    observations : sorted by track; images numbered as `image_names`
+    note : called with a sentence after each step
+
+    Returns
+    -------
+    Solution of the parts; without any, the status and message of the largest one's failure
+
+    """
+    say = note or (lambda sentence: None)
+    rng = np.random.default_rng(seed)
+    parts = find_parts(observations, factorization)
+    if not parts:
+        return Solution(
+            value=None,
+            status="no_overlap",
+            message=f"no three images share {factorization.min_block_tracks} tracks: the images "
+            "do not overlap, or they show too little texture to be matched; use smaller tilt "
+            "steps or check that all images show the same specimen",
+        )
+    mapped: list[MappedPart] = []
+    failure: Solution[list[MappedPart]] | None = None
+    for part in parts:
+        start = factorize(part, observations, factorization, rng)
+        if start.value is None:
+            failure = failure or Solution(
+                value=None,
+                status=start.status,
+                message=start.message,
+                diagnostics=start.diagnostics,
+            )
+            continue
+        say(
+            f"factorization: {len(part.images)} images, {len(part.blocks)} complete blocks, "
+            f"affine residual {start.diagnostics['affine_rms_px']:.3f} px"
+        )
+        cameras, _ = start.value
+        refined = refine(
+            cameras,
+            part.images,
+            observations,
+            refinement,
+            rng=rng,
+            seed=seed,
+            progress=lambda r: say(
+                f"within {r.threshold_px:.2f} px: {r.num_images} images, {r.num_points} points, "
+                f"{r.num_observations} observations, sigma {r.sigma_px:.3f} px"
+            ),
+        )
+        if refined.value is None:
+            failure = failure or Solution(
+                value=None, status=refined.status, message=refined.message
+            )
+            continue
+        mapped.append(
+            finish(
+                refined.value,
+                observations,
+                image_names,
+                image_size_px,
+                refinement,
+                pixel_size_um,
+                pixel_size_source,
+                dict(start.diagnostics),
+            )
+        )
+        say(mapped[-1].reconstruction.depth_sign.message)
+    if not mapped:
+        assert failure is not None
+        return failure
+    mapped.sort(key=lambda p: -p.reconstruction.num_images)
+    return Solution(value=mapped)
+
+
+def finish(
+    refined: Refined,
+    observations: Observations,
+    image_names: tuple[str, ...],
+    image_size_px: Int,
+    options: RefinementOptions,
+    pixel_size_um: float | None,
+    pixel_size_source: str,
+    diagnostics: dict[str, Any],
+) -> MappedPart:
+    """Error bars, hand, gauge and world unit of a refined part."""
+    covariance = estimate_covariance(
+        refined.model, refined.state, refined.observations, refined.sigma_px
+    ).value
+    cameras, points = refined.cameras, refined.points
+    sizes = image_size_px[refined.images]
+    cues = visibility_cues(cameras, points, refined.observations, sizes)
+    sign, reverse = decide_depth_sign(cues, options.min_depth_sign_confidence)
+    # gauge: origin at the centroid, axes of the first image, mean magnification 1 / pixel size
+    unit = pixel_size_um or 1.0
+    centre = points.mean(axis=0)
+    magnification = float(np.exp(np.mean(np.log(cameras.scale_px_per_unit))))
+    R0 = np.asarray(cameras.cam_from_world[0])
+    factor = magnification * unit
+    cameras = replace(
+        cameras,
+        translation_px=cameras.translation_px + cameras.projection @ centre,
+        scale_px_per_unit=cameras.scale_px_per_unit / factor,
+        cam_from_world=cameras.cam_from_world @ R0.T,
+    )
+    points = (points - centre) @ R0.T * factor
+    point_covariance = None
+    if covariance is not None:
+        point_covariance = factor**2 * (R0 @ covariance.points @ R0.T)
+    # all observations of the tracks that have a point, in registered images; rejected ones marked
+    image_number = np.full(observations.num_images, -1, dtype=np.int64)
+    image_number[refined.images] = np.arange(len(refined.images))
+    track_number = np.full(observations.num_tracks, -1, dtype=np.int64)
+    track_number[refined.tracks] = np.arange(len(refined.tracks))
+    kept = (image_number[observations.image_idx] >= 0) & (track_number[observations.track_idx] >= 0)
+    selected = observations.select(kept)
+    reconstruction = Reconstruction(
+        image_names=tuple(image_names[i] for i in refined.images),
+        image_size_px=sizes,
+        cameras=cameras,
+        points=points,
+        observations=replace(
+            selected,
+            image_idx=image_number[selected.image_idx],
+            track_idx=track_number[selected.track_idx],
+            num_images=len(refined.images),
+            num_tracks=len(refined.tracks),
+        ),
+        inlier=refined.inlier[kept],
+        point_covariance=point_covariance,
+        sigma_rotation_rad=None if covariance is None else covariance.sigma_rotation_rad,
+        sigma_translation_px=None if covariance is None else covariance.sigma_translation_px,
+        sigma_scale=None if covariance is None else covariance.sigma_scale,
+        world_unit="px" if pixel_size_um is None else "um",
+        pixel_size_um=pixel_size_um,
+        pixel_size_source=pixel_size_source,
+        camera_model=options.camera_model,
+        depth_sign=sign,
+        gauge=GAUGE,
+    )
+    if reverse:
+        reconstruction = reversed_twin(reconstruction)
+    twin = reversed_twin(reconstruction) if sign.status == "ambiguous" else None
+    return MappedPart(
+        reconstruction=reconstruction,
+        twin=twin,
+        rounds=tuple(asdict(r) for r in refined.rounds),
+        diagnostics={
+            **diagnostics,
+            "sigma_px": refined.sigma_px,
+            "depth_sign_cues": {
+                name: {"t": -c.t if reverse else c.t, "num_regions": c.num_regions}
+                for name, c in cues.items()
+            },
+        },
+    )
+
+
+def reversed_twin(reconstruction: Reconstruction) -> Reconstruction:
+    """The depth-reversed model: same images, other hand."""
+    cameras, points = reverse_depth(reconstruction.cameras, np.asarray(reconstruction.points))
+    covariance = reconstruction.point_covariance
+    return replace(
+        reconstruction,
+        cameras=replace(
+            cameras,
+            cam_from_world=depth_reversed(np.asarray(reconstruction.cameras.cam_from_world)),
+        ),
+        points=points,
+        point_covariance=None if covariance is None else MIRROR_Z @ covariance @ MIRROR_Z,
+    )

@@ -1,0 +1,125 @@
+"""The project folder: where each file lies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from semsfm_colmap.errors import UsageError
+
+FOREIGN = ("database.db", "sparse", "images", "dense", "mesh")
+"""Names that another program may have left; they are never overwritten."""
+
+
+@dataclass(frozen=True)
+class Project:
+    """Paths of one project."""
+
+    path: Path
+
+    @property
+    def config(self) -> Path:
+        """The resolved configuration."""
+        return self.path / "semsfm.toml"
+
+    @property
+    def record(self) -> Path:
+        """Versions, stage times, seeds, input hashes."""
+        return self.path / "run.json"
+
+    @property
+    def log(self) -> Path:
+        """What was said while running."""
+        return self.path / "semsfm.log"
+
+    @property
+    def series(self) -> Path:
+        """The prepared series."""
+        return self.path / "series.json"
+
+    @property
+    def database(self) -> Path:
+        """COLMAP's database."""
+        return self.path / "database.db"
+
+    @property
+    def images(self) -> Path:
+        """Prepared images."""
+        return self.path / "images"
+
+    @property
+    def masks(self) -> Path:
+        """Masks in COLMAP's convention."""
+        return self.path / "masks"
+
+    @property
+    def sparse(self) -> Path:
+        """COLMAP models."""
+        return self.path / "sparse"
+
+    @property
+    def dense(self) -> Path:
+        """Depth maps and the fused cloud."""
+        return self.path / "dense"
+
+    @property
+    def mesh(self) -> Path:
+        """Meshes."""
+        return self.path / "mesh"
+
+    @property
+    def report(self) -> Path:
+        """The report."""
+        return self.path / "report"
+
+    @property
+    def masks_or_none(self) -> Path | None:
+        """The masks folder when it holds any."""
+        return self.masks if self.masks.is_dir() and any(self.masks.iterdir()) else None
+
+
+def check_output(project: Project) -> None:
+    """Refuse a folder that holds what another program made."""
+    if project.path.exists() and not project.path.is_dir():
+        raise UsageError(f"{project.path} is a file: give a folder as --output_path")
+    if project.record.is_file():
+        return
+    for name in FOREIGN:
+        if (project.path / name).exists():
+            raise UsageError(
+                f"{project.path / name} exists but was not made by semsfm: give another "
+                "--output_path, so that nothing is overwritten"
+            )
+
+
+@contextmanager
+def locked(project: Project) -> Iterator[None]:
+    """Hold the project for this process; a second one is told so at once."""
+    from filelock import FileLock, Timeout
+
+    try:
+        project.path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(
+            f"{project.path} cannot be written ({error.strerror}): give another --output_path"
+        ) from error
+    lock = FileLock(project.path / ".semsfm.lock")
+    try:
+        lock.acquire(timeout=0)
+    except Timeout as error:
+        raise UsageError(
+            f"{project.path} is in use by another semsfm process: wait for it or stop it"
+        ) from error
+    except OSError as error:
+        raise UsageError(
+            f"{project.path} cannot be written ({error.strerror}): give another --output_path"
+        ) from error
+    try:
+        yield
+    finally:
+        lock.release()
+        (project.path / ".semsfm.lock").unlink(missing_ok=True)
+        if not any(project.path.iterdir()):
+            project.path.rmdir()

@@ -1,0 +1,106 @@
+"""What the user sees while a stage runs: progress bars on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+LOGGER = logging.getLogger("semsfm")
+SECONDS_BETWEEN_LINES = 5.0
+
+
+class Reporter:
+    """Sentences and progress, to the console and to semsfm.log."""
+
+    def __init__(self, verbosity: int = 0) -> None:
+        self.verbosity = verbosity
+        self.notes: list[str] = []
+        self._handlers: list[logging.Handler] = []
+        self._buffer: list[str] = []
+        self._file: Path | None = None
+
+    def log_to(self, path: Path) -> None:
+        """Append to a log file from now on, what was said before included."""
+        if self._file == path:
+            return
+        handler = logging.FileHandler(path, encoding="utf-8")
+        handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%d %H:%M:%S"))
+        LOGGER.setLevel(logging.INFO)
+        LOGGER.propagate = False
+        LOGGER.addHandler(handler)
+        self._handlers.append(handler)
+        self._file = path
+        for line in self._buffer:
+            LOGGER.info(line)
+        self._buffer.clear()
+
+    def close(self) -> None:
+        """Let go of the log file."""
+        for handler in self._handlers:
+            LOGGER.removeHandler(handler)
+            handler.close()
+        self._handlers.clear()
+        self._file = None
+
+    def _record(self, line: str) -> None:
+        if self._file is None:
+            self._buffer.append(line)
+        else:
+            LOGGER.info(line)
+
+    def say(self, line: str) -> None:
+        """A line for everybody who did not ask for quiet."""
+        self._record(line)
+        if self.verbosity >= 0:
+            print(line, file=sys.stderr, flush=True)
+
+    def detail(self, line: str) -> None:
+        """A line for the log, and for the console with -v."""
+        self._record(line)
+        if self.verbosity > 0:
+            print(f"  {line}", file=sys.stderr, flush=True)
+
+    def warn(self, line: str) -> None:
+        """A warning: always shown, kept for the report."""
+        self._record(f"warning: {line}")
+        print(f"warning: {line}", file=sys.stderr, flush=True)
+
+    @contextmanager
+    def progress(self, label: str) -> Iterator[Callable[[int, int], None]]:
+        """A function (done, total) to call now and then."""
+        if self.verbosity < 0:
+            yield lambda done, total: None
+            return
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import (
+                BarColumn,
+                MofNCompleteColumn,
+                Progress,
+                TextColumn,
+                TimeRemainingColumn,
+            )
+
+            columns = (
+                TextColumn("  {task.description}"),
+                BarColumn(),
+                MofNCompleteColumn(),
+                TimeRemainingColumn(),
+            )
+            with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+                task = bar.add_task(label, total=None)
+                yield lambda done, total: bar.update(task, completed=done, total=total)
+            return
+        last = time.monotonic()
+
+        def plain(done: int, total: int) -> None:
+            nonlocal last
+            if time.monotonic() - last >= SECONDS_BETWEEN_LINES and done < total:
+                last = time.monotonic()
+                print(f"  {label}: {done} / {total}", file=sys.stderr, flush=True)
+
+        yield plain

@@ -1,0 +1,376 @@
+"""Each stage on a project folder: read what the one before left, compute, write.
+
+A stage returns a summary for run.json; the report is made from these summaries and the files.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from semsfm_colmap.config import Config
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.record import RunRecord, versions
+from semsfm_colmap.pipeline.reporter import Reporter
+from semsfm_colmap.types import Reconstruction, SemSeries
+
+Summary = dict[str, Any]
+TWIN_NOTE = "sparse/{} holds the depth-reversed twin of sparse/{}"
+
+
+def read_project_series(project: Project) -> SemSeries:
+    """The prepared series of a project."""
+    from semsfm_colmap.ingest.series_file import read_series
+
+    return read_series(project.series)
+
+
+def ingest(project: Project, image_path: Path, config: Config, reporter: Reporter) -> Summary:
+    """Source images -> images/, masks/, series.json."""
+    from semsfm_colmap.ingest.prepare import prepare_series
+
+    with reporter.progress("reading images") as progress:
+        series = prepare_series(image_path, project.path, config.ingest, progress=progress)
+    for warning in series.warnings:
+        reporter.warn(warning)
+    reporter.say(
+        f"{len(series.frames)} images, pixel size "
+        + (
+            f"{series.pixel_size_um:g} um ({series.pixel_size_source})"
+            if series.pixel_size_um
+            else "not known: lengths are in px"
+        )
+    )
+    return {
+        "num_images": len(series.frames),
+        "pixel_size_um": series.pixel_size_um,
+        "warnings": list(series.warnings),
+    }
+
+
+def extract(project: Project, config: Config, reporter: Reporter, *, fresh: bool) -> Summary:
+    """images/ -> keypoints and descriptors in database.db; resumes image by image."""
+    from semsfm_colmap.colmap.database import read_images, read_keypoints
+    from semsfm_colmap.colmap.sift import extract_sift
+
+    series = read_project_series(project)
+    if fresh:
+        for suffix in ("", "-wal", "-shm"):
+            project.database.with_name(project.database.name + suffix).unlink(missing_ok=True)
+    sizes = {(frame.width_px, frame.height_px) for frame in series.frames}
+    with reporter.progress("features") as progress:
+        extract_sift(
+            project.database,
+            project.images,
+            series.names,
+            config.features,
+            mask_path=project.masks_or_none,
+            single_camera=len(sizes) == 1,
+            num_threads=threads(config),
+            progress=progress,
+        )
+    images = read_images(project.database)
+    keypoints = read_keypoints(project.database, [i.image_id for i in images])
+    counts = [len(keypoints[i.image_id]) for i in images]
+    reporter.say(f"features: {sum(counts)} keypoints, {int(np.median(counts))} an image (median)")
+    return {"num_keypoints": dict(zip([i.name for i in images], counts, strict=True))}
+
+
+def threads(config: Config) -> int:
+    """The number of threads asked for."""
+    return config.num_threads if config.num_threads > 0 else (os.cpu_count() or 1)
+
+
+def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) -> Summary:
+    """Keypoints -> matches and two-view geometries in database.db; resumes pair by pair."""
+    from semsfm_colmap.colmap.database import (
+        clear_matches,
+        read_images,
+        read_keypoints,
+        read_matches,
+        write_two_view_geometries,
+    )
+    from semsfm_colmap.colmap.sift import match_sift
+    from semsfm_colmap.matching.pairs import select_pairs
+    from semsfm_colmap.matching.verify import verify_pair
+
+    series = read_project_series(project)
+    if fresh:
+        clear_matches(project.database)
+    id_of = {image.name: image.image_id for image in read_images(project.database)}
+    ids = [id_of[name] for name in series.names]
+    pairs = select_pairs(len(ids), config.matching)
+    with reporter.progress("matching pairs") as progress:
+        match_sift(
+            project.database,
+            [(ids[i], ids[j]) for i, j in pairs],
+            max_ratio=config.matching.max_ratio,
+            num_threads=threads(config),
+            progress=progress,
+        )
+    keypoints = read_keypoints(project.database, ids)
+    raw = read_matches(project.database)
+    jobs = []
+    for i, j in pairs:
+        a, b = ids[i], ids[j]
+        rows = raw.get((a, b))
+        if rows is None:
+            rows = raw.get((b, a), np.zeros((0, 2), dtype=np.int64))[:, ::-1]
+        jobs.append((i, j, rows))
+    with (
+        reporter.progress("verifying pairs") as progress,
+        ThreadPoolExecutor(threads(config)) as pool,
+    ):
+        geometries = []
+        for geometry in pool.map(
+            lambda job: verify_pair(
+                (job[0], job[1]),
+                keypoints[ids[job[0]]],
+                keypoints[ids[job[1]]],
+                job[2],
+                config.matching,
+                config.seed,
+            ),
+            jobs,
+        ):
+            geometries.append(geometry)
+            progress(len(geometries), len(jobs))
+    stored = {}
+    statistics = []
+    for g in geometries:
+        i, j = g.image_pair
+        a, b = ids[i], ids[j]
+        F, rows = g.F, g.keypoints[g.inlier]
+        # COLMAP keeps the smaller id first; x2^T F x1 = 0 becomes x1^T F^T x2 = 0
+        stored[(a, b) if a < b else (b, a)] = (
+            (F, rows) if a < b else (None if F is None else F.T, rows[:, ::-1])
+        )
+        after_static = len(g.keypoints) - g.rejected_by.get("static", 0)
+        statistics.append(
+            {
+                "image_name_1": series.names[i],
+                "image_name_2": series.names[j],
+                "num_matches": len(g.keypoints),
+                "num_static_rejected": g.rejected_by.get("static", 0),
+                "num_after_affine_ransac": after_static - g.rejected_by.get("epipolar", 0)
+                if g.F is not None
+                else 0,
+                "num_after_distance_filter": int(g.inlier.sum()),
+                "failure": g.failure,
+            }
+        )
+    write_two_view_geometries(project.database, stored)
+    verified = [g for g in geometries if g.F is not None]
+    reporter.say(
+        f"matching: {len(verified)} of {len(pairs)} pairs verified, "
+        f"{sum(int(g.inlier.sum()) for g in verified)} matches"
+    )
+    return {"num_pairs": len(pairs), "num_verified_pairs": len(verified), "pairs": statistics}
+
+
+def build_observations(project: Project, config: Config, names: tuple[str, ...]) -> Any:
+    """Verified matches of the database -> Observations, with the counts of the joining."""
+    from semsfm_colmap.colmap.database import read_images, read_inlier_matches, read_keypoints
+    from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_fundamental
+    from semsfm_colmap.tracks.build import build_tracks
+
+    id_of = {image.name: image.image_id for image in read_images(project.database)}
+    ids = [id_of[name] for name in names]
+    number = {image_id: i for i, image_id in enumerate(ids)}
+    keypoints = read_keypoints(project.database, ids)
+    matches, residuals = {}, {}
+    for (a, b), rows in read_inlier_matches(project.database).items():
+        if a not in number or b not in number:
+            continue
+        i, j = number[a], number[b]
+        if i > j:
+            i, j, rows = j, i, rows[:, ::-1]
+        if len(rows) < 5:
+            continue
+        xy1, xy2 = keypoints[ids[i]][rows[:, 0]], keypoints[ids[j]][rows[:, 1]]
+        matches[i, j] = rows
+        residuals[i, j] = epipolar_residual(estimate_affine_fundamental(xy1, xy2), xy1, xy2)
+    observations, counts = build_tracks(
+        [keypoints[k] for k in ids], matches, residuals, min_length=config.tracks.min_length
+    )
+    return observations, counts, {name: keypoints[k] for name, k in zip(names, ids, strict=True)}
+
+
+def map_(project: Project, config: Config, reporter: Reporter) -> Summary:
+    """Verified matches -> sparse/0 (and the twin or further parts)."""
+    from dataclasses import replace
+
+    from semsfm_colmap.colmap.colors import point_colors
+    from semsfm_colmap.colmap.database import read_images
+    from semsfm_colmap.colmap.model import write_model
+    from semsfm_colmap.pipeline.mapping import map_observations
+
+    series = read_project_series(project)
+    observations, counts, keypoints = build_observations(project, config, series.names)
+    reporter.say(
+        f"tracks: {observations.num_tracks} tracks, {len(observations)} observations, "
+        f"{counts['num_refused']} contradictory matches refused"
+    )
+    sizes = np.array([(frame.width_px, frame.height_px) for frame in series.frames])
+    solution = map_observations(
+        observations,
+        series.names,
+        sizes,
+        factorization=config.factorization,
+        refinement=config.refinement,
+        pixel_size_um=series.pixel_size_um,
+        pixel_size_source=series.pixel_size_source,
+        seed=config.seed,
+        note=reporter.detail,
+    )
+    if solution.value is None:
+        raise InputError(solution.message)
+    images = {image.name: image for image in read_images(project.database)}
+    models: list[dict[str, Any]] = []
+    used: set[str] = set()
+    for k, part in enumerate(solution.value):
+        reconstruction = replace(
+            part.reconstruction,
+            point_color=point_colors(part.reconstruction, project.images),
+        )
+        versions_ = [("model", reconstruction)]
+        if part.twin is not None:
+            versions_.append(("twin", replace(part.twin, point_color=reconstruction.point_color)))
+        for kind, value in versions_:
+            number = len(models)
+            written = write_model(
+                value, project.sparse / str(number), images, keypoints, config.export
+            )
+            models.append(
+                {
+                    "model": f"sparse/{number}",
+                    "part": k,
+                    "kind": kind,
+                    "num_images": value.num_images,
+                    "images": list(value.image_names),
+                    "num_points": len(value.points),
+                    "focal_length_px": written.focal_length_px,
+                    "max_deviation_px": written.max_deviation_px,
+                }
+            )
+        used |= set(reconstruction.image_names)
+    remove_stale_models(project, len(models))
+    main = solution.value[0]
+    notes = [main.reconstruction.depth_sign.message]
+    if main.twin is not None:
+        notes.append(TWIN_NOTE.format(1, 0))
+    lost = [name for name in series.names if name not in used]
+    if lost:
+        notes.append(
+            f"{len(lost)} of {len(series.names)} images could not be registered: "
+            + ", ".join(lost[:8])
+            + (" ..." if len(lost) > 8 else "")
+        )
+    if len(solution.value) > 1:
+        notes.append(
+            f"the series falls into {len(solution.value)} parts that share too few tracks; each "
+            "is a model of its own with its own scale and axes: "
+            + "; ".join(
+                f"{m['model']} ({m['num_images']} images)" for m in models if m["kind"] == "model"
+            )
+        )
+    r = main.reconstruction
+    residuals = r.residuals()[r.inlier]
+    reporter.say(
+        f"map: {r.num_images} of {len(series.names)} images, {len(r.points)} points, residual "
+        f"{np.sqrt(np.mean(residuals**2)):.3f} px RMS per coordinate"
+    )
+    for sentence in notes:
+        reporter.say(sentence)
+    return {
+        "num_images": r.num_images,
+        "num_points": len(r.points),
+        "num_observations": int(r.inlier.sum()),
+        "rms_px": float(np.sqrt(np.mean(residuals**2))),
+        "tracks": {"num_tracks": observations.num_tracks, **counts},
+        "models": models,
+        "rounds": list(main.rounds),
+        "diagnostics": main.diagnostics,
+        "notes": notes,
+    }
+
+
+def remove_stale_models(project: Project, count: int) -> None:
+    """Models of an earlier run with higher numbers do not belong to this one."""
+    for folder in project.sparse.iterdir():
+        stale = folder.name.isdigit() and int(folder.name) >= count
+        aside = folder.name.startswith(".") and folder.name.endswith((".part", ".old"))
+        if stale or aside:
+            shutil.rmtree(folder)
+
+
+def read_main_model(project: Project) -> Reconstruction:
+    """The first model of a project."""
+    from semsfm_colmap.colmap.model import read_model
+
+    return read_model(project.sparse / "0")
+
+
+def report(project: Project, record: RunRecord, reporter: Reporter) -> Summary:
+    """Everything known -> report/."""
+    from semsfm_colmap.report.inputs import PairStatistics, ReportInputs
+    from semsfm_colmap.report.write import write_report
+    from semsfm_colmap.surface.files import read_ply_cloud, read_ply_mesh
+
+    series = read_project_series(project)
+    reconstruction = read_main_model(project)
+    mapping = record.stages.get("map", {}).get("summary", {})
+    pairs = record.stages.get("match", {}).get("summary", {}).get("pairs", [])
+    notes = [*series.warnings]
+    for stage in record.stages.values():
+        notes += stage.get("summary", {}).get("notes", [])
+    mesh_file, cloud_file = project.mesh / "mesh.ply", project.dense / "fused.ply"
+    models = mapping.get("models", [])
+    rounds = mapping.get("rounds", [])
+    inputs = ReportInputs(
+        reconstruction=reconstruction,
+        series=series,
+        pairs=tuple(PairStatistics(**p) for p in pairs),
+        stage_times={
+            name: stage["seconds"] for name, stage in record.stages.items() if name != "report"
+        },
+        stage_peak_memory_mb={
+            name: stage["peak_memory_mb"]
+            for name, stage in record.stages.items()
+            if name != "report"
+        },
+        notes=tuple(dict.fromkeys(notes)),
+        filtering_rounds=tuple(filtering_rounds(rounds)),
+        mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
+        cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
+        versions=versions(),
+        twin_written=any(m["kind"] == "twin" and m["part"] == 0 for m in models),
+        telecentric={
+            "focal_length_px": models[0]["focal_length_px"],
+            "max_deviation_px": models[0]["max_deviation_px"],
+        }
+        if models
+        else {},
+        title=project.path.resolve().name,
+    )
+    metrics = write_report(inputs, project.report)
+    reporter.say(f"report: {project.report / 'report.html'}")
+    return {"num_metrics": len(metrics)}
+
+
+def filtering_rounds(rounds: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rounds as the report wants them: kept and dropped observations of each."""
+    result = []
+    before: int | None = None
+    for r in rounds:
+        kept = int(r["num_observations"])
+        dropped = 0 if before is None else max(before - kept, 0)
+        result.append({**r, "num_kept": kept, "num_dropped": dropped})
+        before = kept
+    return result

@@ -1,0 +1,13 @@
+"""Options of the track stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackOptions:
+    """From verified pairs to tracks."""
+
+    min_length: int = 2
+    """Fewest observations of a track."""
