@@ -56,6 +56,7 @@ def evaluate(
     ------
     InputError
         When no image of the reconstruction belongs to the truth.
+
     """
     est_idx, true_idx = _common_images(reconstruction.image_names, truth)
     estimated = reconstruction.cameras.select(est_idx)

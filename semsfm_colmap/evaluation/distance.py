@@ -85,6 +85,7 @@ class Surface:
         Returns
         -------
         (K, 3), K <= num
+
         """
         points, normals = self._samples(num)
         normals = self._sign * normals

@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -57,6 +58,7 @@ def load_truth(path: Path) -> Truth:
     ------
     InputError
         When there is no truth, or it cannot be understood: which file, and what is wrong.
+
     """
     path = Path(path)
     file = path / "truth.json" if path.is_dir() else path
@@ -83,7 +85,8 @@ def _parsed(content: dict[str, Any], file: Path) -> Truth:
     if not names or len(set(stems)) != len(stems):
         raise InputError(f"{file} lists no images, or one of them twice.")
     R = np.array([frame["R"] for frame in frames], dtype=np.float64).reshape(-1, 3, 3)
-    if np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max() > ROTATION_TOLERANCE:
+    off = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max()
+    if not off <= ROTATION_TOLERANCE or np.linalg.det(R).min() < 0:
         raise InputError(f"{file} holds matrices R that are not rotations.")
     scale = np.array([frame["scale"] for frame in frames], dtype=np.float64)
     unit_um = float(content["unit_um"])
@@ -117,7 +120,7 @@ def _mesh(file: Path) -> TriangleMesh | None:
         with np.load(file) as stored:
             vertices = stored["vertices"].astype(np.float64)
             faces = stored["faces"].astype(np.int64)
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(f"{file} is not a surface with vertices and faces ({error}).") from error
     if vertices.ndim != 2 or faces.ndim != 2 or not len(faces) or faces.max() >= len(vertices):
         raise InputError(f"{file} holds faces {faces.shape} that do not fit {vertices.shape=}.")

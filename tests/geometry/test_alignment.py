@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -213,3 +215,22 @@ def test_cameras_in_different_numbers_are_misuse() -> None:
     rng = RNG(13)
     with pytest.raises(UsageError, match="same number"):
         align_cameras(random_cameras(rng, 3), random_cameras(rng, 4))
+
+
+def test_noisy_cameras_align_the_same_wherever_their_world_has_its_origin() -> None:
+    rng = RNG(14)
+    true = random_cameras(rng, 9)
+    noise = rotation_from_vector(0.01 * rng.normal(size=(9, 3)))
+    noisy = replace(
+        true,
+        cam_from_world=noise @ true.cam_from_world,
+        translation_px=true.translation_px + rng.normal(size=(9, 2)),
+    )
+    far = Similarity(rotation=random_rotations(rng, 1)[0], scale=3.0, shift=np.full(3, 40.0))
+    x = rng.normal(size=(20, 3))
+    here, there = align_cameras(noisy, true), align_cameras(moved(noisy, far), true)
+    np.testing.assert_allclose(
+        there.true_from_estimated.apply(far.apply(x)), here.true_from_estimated.apply(x), atol=1e-9
+    )
+    np.testing.assert_allclose(there.translation_error_px, here.translation_error_px, atol=1e-8)
+    assert 0.3 < here.translation_error_px.std() < 2.0
