@@ -40,6 +40,7 @@ def expose(
     psf_px : standard deviation of the beam profile
     counts : electrons per pixel at grey value 0.4; 0 for no noise
     rng : of this frame
+
     """
     import cv2
 

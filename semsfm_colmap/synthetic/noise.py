@@ -28,6 +28,7 @@ def smooth_noise(points: Float, frequency: float, rng: np.random.Generator) -> F
     Returns
     -------
     (N,)
+
     """
     from scipy.ndimage import map_coordinates
 
@@ -61,6 +62,7 @@ def scattered_directions(num: int, rng: np.random.Generator, jitter: float = 0.3
     Returns
     -------
     (num, 3)
+
     """
     k = np.arange(num) + 0.5
     z = 1.0 - 2.0 * k / num
@@ -86,6 +88,7 @@ def domes(points: Float, centres: Float, radii: Float, neighbours: int = 5) -> F
     Returns
     -------
     (N,) in 0..1, times the radius relative to the mean radius
+
     """
     from scipy.spatial import cKDTree
 

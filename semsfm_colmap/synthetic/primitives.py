@@ -36,6 +36,7 @@ def geodesic_sphere(segments: int) -> Mesh:
     Returns
     -------
     vertices (10 segments^2 + 2, 3), faces (20 segments^2, 3)
+
     """
     corners, base = ICOSAHEDRON_CORNERS, ICOSAHEDRON_FACES
     n = segments
@@ -85,6 +86,7 @@ def sweep(line: Float, outlines: Float) -> Mesh:
     Returns
     -------
     vertices (L K + 2, 3), faces
+
     """
     L, K = outlines.shape[:2]
     vertices = np.concatenate([(line[:, None] + outlines).reshape(-1, 3), line[:1], line[-1:]])
@@ -103,6 +105,7 @@ def tube(line: Float, radii: Float, num_around: int) -> Mesh:
     line : (L, 3)
     radii : (L,)
     num_around : vertices of each ring
+
     """
     tangent = np.gradient(line, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)

@@ -58,6 +58,7 @@ class Renderer:
         image_idx : which one
         row_shift_px : (H, 2) displacement of each scan line
         width : of the image, px
+
         """
         import cv2
 
@@ -171,6 +172,7 @@ def make_renderer(
     options : contrasts and strengths
     scale : px per scene unit, for what is measured in px
     rng : source of the directions tried
+
     """
     scene = ray_scene(specimen.vertices, specimen.faces)
     normals = surface.surface_normals(specimen)

@@ -34,6 +34,7 @@ def synthesize(
     Returns
     -------
     The folder with the images.
+
     """
     from semsfm_colmap.synthetic.databar import BarText, draw_databar
     from semsfm_colmap.synthetic.detector import expose, exposure_of

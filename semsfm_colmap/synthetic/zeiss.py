@@ -33,6 +33,7 @@ def cz_sem_header(
     width, height : of the stored image, px
     tilt_deg : of the stage
     file_name : of the image
+
     """
     pixel_m = text.pixel_size_um * 1e-6
     mag = magnification(width, text.pixel_size_um)
