@@ -218,7 +218,7 @@ def _size_warnings(images: Sequence[SourceImage]) -> list[str]:
     sizes = Counter((i.crop[2] - i.crop[0], i.crop[3] - i.crop[1]) for i in images)
     if len(sizes) < 2:
         return []
-    (width, height), count = sizes.most_common(1)[0]
+    (width, height), _ = sizes.most_common(1)[0]
     warnings = []
     for size in sizes:
         if size != (width, height):
@@ -226,7 +226,7 @@ def _size_warnings(images: Sequence[SourceImage]) -> list[str]:
                 i.name for i in images if (i.crop[2] - i.crop[0], i.crop[3] - i.crop[1]) == size
             ]
             warnings.append(
-                f"{abbreviate(names)}: {size[0]} x {size[1]} pixels but {count} images have "
+                f"{abbreviate(names)}: {size[0]} x {size[1]} pixels most images have "
                 f"{width} x {height}; kept, check that they belong to the series."
             )
     return warnings
