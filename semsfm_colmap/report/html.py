@@ -27,7 +27,7 @@ from semsfm_colmap.report.verdict import judge
 
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; font-src data:"
+    "img-src data: blob:; font-src data:; form-action 'none'; base-uri 'none'"
 )
 """plotly.js compiles some of its shaders' helpers with `Function`, hence 'unsafe-eval'."""
 CAVEATS = (

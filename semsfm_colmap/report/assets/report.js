@@ -21,7 +21,12 @@
   function copy(value) { return JSON.parse(JSON.stringify(value)); }
 
   spec.layout.scene.aspectratio = aspect(spec.views[Object.keys(spec.views)[0]]);
-  var config = { displaylogo: false, responsive: true };
+  // One of plotly.js's buttons would upload the model to its maker: it is taken away, the address
+  // it uses is emptied, and the page's security policy forbids the rest.
+  var config = {
+    displaylogo: false, responsive: true, plotlyServerURL: "",
+    modeBarButtonsToRemove: ["sendChartToCloud", "tableRotation"]
+  };
   Plotly.newPlot(holder, spec.data, copy(spec.layout), config);
 
   document.querySelectorAll("input[data-switch]").forEach(function (box) {
