@@ -26,7 +26,7 @@ LENGTH_UM = {
     "\u03bcm": 1.0,
     "nm": 1e-3,
     "pm": 1e-6,
-    "\u00c5": 1e-4,
+    "\u00e5": 1e-4,
     "a": 1e-4,
 }
 VOLTAGE_KEV = {"v": 1e-3, "volt": 1e-3, "kv": 1.0, "mv": 1e-6, "ev": 1e-3, "kev": 1.0}
