@@ -96,12 +96,15 @@ def _evidence(sign: dict[str, Any]) -> str:
 
 def _facts(m: dict[str, Any]) -> Iterator[str]:
     images, structure, world, r = m["images"], m["structure"], m["world"], m["residuals"]
-    yield (
-        f"{images['num_registered']} of {count(images['num_given'], 'image')} registered; "
-        f"{count(structure['num_points'], 'point')} from "
-        f"{count(structure['num_observations'], 'observation')}, each seen in "
-        f"{number(structure['mean_track_length'])} images on average."
-    )
+    registered = f"{images['num_registered']} of {count(images['num_given'], 'image')} registered"
+    if structure["num_observations"] == 0:
+        yield f"{registered}; {count(structure['num_points'], 'point')}."
+    else:
+        yield (
+            f"{registered}; {count(structure['num_points'], 'point')} from "
+            f"{count(structure['num_observations'], 'observation')}, each seen in "
+            f"{number(structure['mean_track_length'])} images on average."
+        )
     if world["unit"] == "um":
         nm = f"one pixel is {number(world['pixel_size_nm'], 4)} nm"
         yield f"The model is in micrometres: {nm} ({world['pixel_size_source']})."

@@ -1,0 +1,160 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.report.metrics import compute_metrics
+from semsfm_colmap.report.verdict import count, fixed, judge, number, percent
+from semsfm_colmap.types import DepthSign
+from tests.report.series import cube, empty_reconstruction, make_inputs, make_reconstruction
+
+ANGLES = np.arange(10) * 4.0
+
+
+def verdict(reconstruction, **more):
+    return judge(compute_metrics(make_inputs(reconstruction, **more)))
+
+
+def only_doubt(reconstruction, **more):
+    doubts = verdict(reconstruction, **more).doubts
+    assert len(doubts) == 1, doubts
+    return doubts[0]
+
+
+def test_a_sound_series_leaves_no_doubt_and_says_its_facts():
+    result = verdict(make_reconstruction(ANGLES), mesh=cube())
+    assert result.doubts == ()
+    text = " ".join(result.facts)
+    for part in ("10 of 10 images", "micrometres", "50.00 nm", "test chart", "36.00°", "nm in x"):
+        assert part in text
+    assert "Depth sign: resolved, with a confidence of 99.0\u202f%" in text
+    assert "visibility 99.0\u202f%" in text
+    assert "12 faces in 1 component" in text
+
+
+def test_a_full_turn_is_named():
+    text = " ".join(verdict(make_reconstruction(np.arange(36) * 10.0)).facts)
+    assert "full turn" in text
+    assert "10.00°, against a median step of 10.00°" in text
+
+
+def test_an_ambiguous_sign_is_doubted_with_its_evidence_and_twin():
+    sign = DepthSign(
+        status="ambiguous", confidence=0.6, evidence={"visibility": 0.6}, message="Say the tilt."
+    )
+    doubt = only_doubt(make_reconstruction(ANGLES, depth_sign=sign), twin_written=True)
+    for part in ("ambiguous", "60.0\u202f%", "visibility", "sparse/1", "Say the tilt."):
+        assert part in doubt
+
+
+def test_a_small_rotation_is_doubted():
+    assert "only 8.00°" in only_doubt(make_reconstruction(np.arange(5) * 2.0))
+
+
+def test_two_images_are_doubted():
+    doubts = verdict(make_reconstruction([0.0, 20.0])).doubts
+    assert any("Two parallel views" in doubt for doubt in doubts)
+
+
+def test_a_wild_axis_is_doubted():
+    rec = make_reconstruction(ANGLES)
+    vectors = np.random.default_rng(0).normal(size=(10, 3))
+    cameras = replace(rec.cameras, cam_from_world=rotation_from_vector(vectors))
+    doubts = verdict(replace(rec, cameras=cameras)).doubts
+    assert any("not about one axis" in doubt for doubt in doubts)
+
+
+def test_missing_images_are_doubted_by_name():
+    rec = make_reconstruction(ANGLES)
+    lost = [f"lost {k}.png" for k in range(8)]
+    doubt = only_doubt(rec, names=[*rec.image_names, *lost])
+    assert "8 images could not be registered: lost 0.png, " in doubt
+    assert doubt.endswith("lost 5.png and 2 more.")
+
+
+def test_an_image_with_large_residuals_is_doubted_by_name():
+    rec = make_reconstruction(ANGLES)
+    xy = np.array(rec.observations.xy)
+    xy[rec.observations.image_idx == 6] += 2.0
+    rec = replace(rec, observations=replace(rec.observations, xy=xy))
+    assert only_doubt(rec).endswith("frame_006.png.")
+
+
+def test_a_spread_of_magnification_is_doubted():
+    rec = make_reconstruction(ANGLES)
+    scale = np.linspace(19.9, 20.1, 10)
+    doubts = verdict(replace(rec, cameras=replace(rec.cameras, scale_px_per_unit=scale))).doubts
+    assert any("magnification spreads over 1.00\u202f%" in doubt for doubt in doubts)
+
+
+def test_a_weak_link_is_doubted():
+    rec = make_reconstruction(ANGLES, num_points=400, window=2)
+    obs = rec.observations
+    before = np.zeros(len(rec.points), dtype=np.bool_)
+    before[obs.track_idx[obs.image_idx <= 4]] = True
+    inlier = ~(before[obs.track_idx] & (obs.image_idx > 4))
+    doubts = verdict(replace(rec, inlier=inlier)).doubts
+    assert any("frame_004.png – frame_005.png" in doubt for doubt in doubts)
+
+
+def test_points_seen_twice_are_doubted():
+    rec = make_reconstruction(ANGLES)
+    place = np.arange(len(rec.inlier)) - np.searchsorted(
+        rec.observations.track_idx, rec.observations.track_idx
+    )
+    doubts = verdict(replace(rec, inlier=place < 2)).doubts
+    assert any("three or more images" in doubt for doubt in doubts)
+
+
+def test_many_outliers_are_doubted():
+    rec = make_reconstruction(ANGLES)
+    inlier = np.random.default_rng(0).random(len(rec.inlier)) > 0.4
+    assert "rejected as outliers" in only_doubt(replace(rec, inlier=inlier))
+
+
+def test_a_pixel_size_that_contradicts_the_scale_is_doubted():
+    doubt = only_doubt(make_reconstruction(ANGLES, pixel_size_um=0.06))
+    assert "by a factor of 1.200" in doubt
+
+
+def test_a_near_pinhole_is_doubted():
+    telecentric = {"focal_length_px": 1e4, "max_deviation_px": 3.0}
+    assert "3.00 px" in only_doubt(make_reconstruction(ANGLES), telecentric=telecentric)
+
+
+@pytest.mark.parametrize("num_images", [0, 1, 3])
+def test_nothing_reconstructed_is_said_so(num_images):
+    result = verdict(empty_reconstruction(num_images), names=["a", "b", "c"])
+    assert any("There are no points" in doubt for doubt in result.doubts)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "–"),
+        (0.0, "0"),
+        (3, "3"),
+        (1234567, "1\u202f234\u202f567"),
+        (0.42649, "0.426"),
+        (-12.345, "−12.3"),
+        (64655.2, "64\u202f700"),
+        (2.3e-6, "2.30e−06"),
+    ],
+)
+def test_numbers_are_written_for_people(value, text):
+    assert number(value) == text
+
+
+def test_percentages_are_not_rounded_up_to_certainty():
+    assert percent(0.9999) == "> 99.9\u202f%"
+    assert percent(1.0) == "100.0\u202f%"
+    assert percent(0.1234) == "12.3\u202f%"
+
+
+def test_counts_and_fixed_decimals():
+    assert count(1, "image") == "1 image"
+    assert count(0, "image") == "0 images"
+    assert fixed(-0.001, 2) == "0.00"
+    assert fixed(-0.126, 2) == "−0.13"
+    assert fixed(None, 2) == "–"
