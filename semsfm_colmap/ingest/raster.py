@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import logging
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -154,10 +156,22 @@ def _short(error: Exception) -> str:
     return text if len(text) <= 120 else text[:117] + "..."
 
 
-def _pillow_header(path: Path, kind: str) -> ImageHeader:
+@contextmanager
+def _pillow_image(path: Path, kind: str) -> Iterator[Any]:
+    """An opened Pillow image, without its own fixed limit on pixels: ours can be raised."""
     from PIL import Image
 
-    with Image.open(path, formats=[kind]) as image:
+    limit = Image.MAX_IMAGE_PIXELS
+    Image.MAX_IMAGE_PIXELS = None
+    try:
+        with Image.open(path, formats=[kind]) as image:
+            yield image
+    finally:
+        Image.MAX_IMAGE_PIXELS = limit
+
+
+def _pillow_header(path: Path, kind: str) -> ImageHeader:
+    with _pillow_image(path, kind) as image:
         width, height = image.size
         bits = 8
         if kind == "png":
@@ -175,9 +189,7 @@ def _pillow_header(path: Path, kind: str) -> ImageHeader:
 
 
 def _decode_pillow(path: Path, header: ImageHeader) -> tuple[Array, bool]:
-    from PIL import Image
-
-    with Image.open(path, formats=[header.format]) as image:
+    with _pillow_image(path, header.format) as image:
         image.load()
         plain = image.mode == "L" or (header.format == "jpeg" and image.mode == "RGB")
         if image.mode in ("L", "RGB"):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.ingest.databar import (
@@ -27,9 +30,12 @@ from semsfm_colmap.ingest.raster import (
     suffix_matches,
 )
 from semsfm_colmap.ingest.scalebar import find_scale_bar
+from semsfm_colmap.types import Array
 
 MIN_SIDE_PX = 32
 """Images smaller than this after cropping hold no features."""
+MAX_SIZES = 4
+"""Burnt-in writing is looked for in the images of so many sizes; each takes two in memory."""
 
 Progress = Callable[[int, int], None]
 Crop = tuple[int, int, int, int]
@@ -77,17 +83,19 @@ def scan_images(
     images: list[SourceImage] = []
     problems: list[str] = []
     constant: dict[tuple[int, int], ConstantPixels] = defaultdict(ConstantPixels)
+    seen: dict[bytes, str] = {}
     for count, name in enumerate(names):
         path = root / name
         try:
             image, raw = scan_image(path, name, options)
+            first = seen.setdefault(_digest(raw), name)
+            if first != name:
+                raise UnreadableImageError(f"the pixels are those of {first}.")
             images.append(image)
-            lossy = image.header.format == "jpeg"
-            levels = to_levels(raw.pixels)
-            if image.databar_row is not None:
-                levels = levels.copy()
-                levels[image.databar_row :] = 0
-            constant[image.size].add(levels, lossy=lossy)
+            if image.size in constant or len(constant) < MAX_SIZES:
+                constant[image.size].add(
+                    _without_databar(image, raw), lossy=image.header.format == "jpeg"
+                )
         except UnreadableImageError as error:
             problems.append(f"{name}: {error} Left out.")
         if progress:
@@ -143,6 +151,21 @@ def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceIma
         warnings=tuple(warnings),
     )
     return image, raw
+
+
+def _without_databar(image: SourceImage, raw: RawImage) -> Array:
+    """8-bit levels with the databar, whose writing is known, blanked."""
+    levels = to_levels(raw.pixels)
+    if image.databar_row is not None:
+        levels = levels.copy()
+        levels[image.databar_row :] = 0
+    return levels
+
+
+def _digest(raw: RawImage) -> bytes:
+    pixels = np.ascontiguousarray(raw.pixels)
+    shape = repr((pixels.shape, pixels.dtype.str)).encode()
+    return hashlib.blake2b(pixels.data, digest_size=16, key=shape[:64]).digest()
 
 
 def choose_crops(
@@ -226,7 +249,7 @@ def _size_warnings(images: Sequence[SourceImage]) -> list[str]:
                 i.name for i in images if (i.crop[2] - i.crop[0], i.crop[3] - i.crop[1]) == size
             ]
             warnings.append(
-                f"{abbreviate(names)}: {size[0]} x {size[1]} pixels most images have "
+                f"{abbreviate(names)}: {size[0]} x {size[1]} pixels but most images have "
                 f"{width} x {height}; kept, check that they belong to the series."
             )
     return warnings

@@ -81,11 +81,12 @@ def test_grey_stored_as_rgb_and_rgba_comes_out_unchanged(folder: Path, tmp_path:
         grey = texture(i)
         alpha = np.full_like(grey, 255)
         save(folder / f"{i}.png", np.dstack([grey, grey, grey, alpha]))
-        save(folder / f"{i}.tif", np.dstack([grey] * 3), photometric="rgb", compression="lzw")
+        other = np.dstack([texture(i + 10)] * 3)
+        save(folder / f"{i}.tif", other, photometric="rgb", compression="lzw")
     prepare_series(folder, tmp_path / "p", OPTIONS)
     for i in range(3):
         np.testing.assert_array_equal(pixels(tmp_path / f"p/images/{i}.png"), texture(i))
-        np.testing.assert_array_equal(pixels(tmp_path / f"p/images/{i}.tif"), texture(i))
+        np.testing.assert_array_equal(pixels(tmp_path / f"p/images/{i}.tif"), texture(i + 10))
 
 
 @pytest.mark.parametrize(
