@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.types import Float, Int, Observations
@@ -108,3 +109,50 @@ def select_blocks(observations: Observations, options: FactorizationOptions) -> 
             M = M.transpose(0, 2, 1).reshape(2 * len(rows), len(tracks))
             found[key] = Block(images=rows, tracks=tracks, M=M)
     return list(found.values())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """A connected part of the series: its images and their blocks."""
+
+    images: Int
+    blocks: list[Block]
+
+
+def tied_groups(images: list[Int], num_images: int) -> Int:
+    """Group numbers of blocks, given their images: tied by two images in common, transitively."""
+    rows = np.concatenate([np.full(len(block), k) for k, block in enumerate(images)])
+    B = sparse.csr_array(
+        (np.ones(len(rows)), (rows, np.concatenate(images))), shape=(len(images), num_images)
+    )
+    tied = sparse.csr_array(B @ B.T)
+    tied.data = (tied.data >= 2).astype(float)
+    tied.eliminate_zeros()
+    return np.asarray(connected_components(tied, directed=False)[1], dtype=np.int64)
+
+
+def connected_parts(blocks: list[Block], num_images: int) -> list[Part]:
+    """Images tied together by blocks that share at least two images, largest part first.
+
+    Two blocks with two cameras in common fix the affinity between them; with one they do not.
+    """
+    if not blocks:
+        return []
+    label = tied_groups([b.images for b in blocks], num_images)
+    parts = []
+    for part in range(label.max() + 1):
+        mine = [b for b, p in zip(blocks, label, strict=True) if p == part]
+        images = np.unique(np.concatenate([b.images for b in mine]))
+        parts.append(Part(images=images, blocks=mine))
+    # an image at a seam can be in two parts: the larger keeps it
+    parts.sort(key=lambda p: (-len(p.images), int(p.images[0])))
+    taken: set[int] = set()
+    result = []
+    for p in parts:
+        images = np.array([i for i in p.images if int(i) not in taken], dtype=np.int64)
+        kept = [b for b in p.blocks if not taken & set(b.images.tolist())]
+        covered = np.unique(np.concatenate([b.images for b in kept])) if kept else images[:0]
+        if len(covered) >= 3:
+            result.append(Part(images=covered, blocks=kept))
+            taken |= set(covered.tolist())
+    return result

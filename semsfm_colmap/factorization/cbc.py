@@ -7,27 +7,26 @@ leaves
     min_Pi  sum_k w_k | (I - U_k U_k^T) Pi_k |^2 ,
 
 a sparse symmetric matrix of size 2 M whose three smallest eigenvectors are the cameras, up to a
-common 3-D affinity. More than three (nearly) zero eigenvalues mean that the blocks do not tie all
-images together. The translations then follow from the block means by one linear system.
+common 3-D affinity. Parts of the series that no two blocks with two images in common tie together
+have three such vectors each; the gap after the third eigenvalue shows how firmly the rest hangs
+together. The translations then follow from the block means by one linear system.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from semsfm_colmap.factorization.blocks import Block
+from semsfm_colmap.factorization.blocks import Block, tied_groups
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.types import AffineModel, Float, Int, Solution
 
 DENSE_EIGEN_LIMIT = 3000
 """Up to so many rows the eigenvectors come from a dense decomposition."""
-NULL_EIGENVALUE = 1e-9
-"""Eigenvalues of the normalised constraint matrix below this are zero: 1e-9 is far below what
-noise of 0.01 px leaves (about 1e-8) and far above rounding (1e-15)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,19 +138,13 @@ def two_camera_gauge(C: sparse.csc_array, first: int, second: int) -> Float:
 
 def joint_projection(
     bases: list[BlockBasis], num_images: int, options: FactorizationOptions
-) -> Solution[Float]:
+) -> tuple[Float, dict[str, Any]]:
     """Cameras (M, 2, 3) up to an affinity, with the eigenvalue gap as diagnosis."""
     C = constraint_matrix(bases, num_images)
     values, vectors = smallest_eigenvectors(C, min(5, 2 * num_images))
-    diagnostics = {"eigenvalues": values.tolist()}
-    if len(values) > 3 and values[3] < NULL_EIGENVALUE:
-        return Solution(
-            value=None,
-            status="disconnected",
-            message="the blocks leave more than one affinity free: the images fall into parts "
-            "that share too few tracks; match more pairs or lower the minimum of common tracks",
-            diagnostics=diagnostics,
-        )
+    diagnostics: dict[str, Any] = {"eigenvalues": values.tolist()}
+    if len(values) > 3:
+        diagnostics["eigenvalue_gap"] = float(values[3] / max(values[2], 1e-300))
     Pi = vectors[:, :3]
     if options.gauge == "two_cameras":
         A = Pi.reshape(-1, 2, 3)
@@ -159,7 +152,7 @@ def joint_projection(
         Q, _ = np.linalg.qr(A[0].T)
         rest = A[:, 0] - (A[:, 0] @ Q) @ Q.T
         Pi = two_camera_gauge(C, 0, int(np.argmax(np.linalg.norm(rest, axis=1))))
-    return Solution(value=Pi.reshape(-1, 2, 3), diagnostics=diagnostics)
+    return Pi.reshape(-1, 2, 3), diagnostics
 
 
 def joint_translation(bases: list[BlockBasis], A: Float) -> Float:
@@ -224,17 +217,17 @@ def factorize_cbc(
             "others; leave them out or match more pairs",
             diagnostics={"images_without_block": missing.tolist()},
         )
-    projection = joint_projection(bases, num_images, options)
-    if projection.value is None:
+    used = [basis.images for basis in bases]
+    if len(np.unique(tied_groups(used, num_images))) > 1:
         return Solution(
             value=None,
-            status=projection.status,
-            message=projection.message,
-            diagnostics=projection.diagnostics,
+            status="disconnected",
+            message="no two blocks with two images in common tie all images together: the series "
+            "falls into parts; match more pairs or lower the minimum of common tracks",
         )
-    A = projection.value
+    A, diagnostics = joint_projection(bases, num_images, options)
     t = joint_translation(bases, A)
     return Solution(
         value=AffineModel(A=A, t=t, X=np.zeros((1, 3))),
-        diagnostics={**projection.diagnostics, "num_blocks": len(bases)},
+        diagnostics={**diagnostics, "num_blocks": len(bases)},
     )

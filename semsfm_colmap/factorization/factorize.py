@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
-from semsfm_colmap.factorization.blocks import Block, select_blocks
+from semsfm_colmap.factorization.blocks import Block, Part, connected_parts, select_blocks
 from semsfm_colmap.factorization.cbc import factorize_cbc
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.factorization.polish import polish_affine
@@ -20,7 +16,6 @@ from semsfm_colmap.geometry.triangulation import triangulate_tracks
 from semsfm_colmap.types import (
     AffineModel,
     Float,
-    Int,
     Observations,
     OrthographicCameras,
     Solution,
@@ -28,47 +23,6 @@ from semsfm_colmap.types import (
 
 AFFINE_THRESHOLD_PX = 8.0
 """Reprojection error up to which observations take part in the polish: the paper's first round."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Part:
-    """A connected part of the series: its images and their blocks."""
-
-    images: Int
-    blocks: list[Block]
-
-
-def connected_parts(blocks: list[Block], num_images: int) -> list[Part]:
-    """Images tied together by blocks that share at least two images, largest part first.
-
-    Two blocks with two cameras in common fix the affinity between them; with one they do not.
-    """
-    if not blocks:
-        return []
-    rows = np.concatenate([np.full(len(b.images), k) for k, b in enumerate(blocks)])
-    cols = np.concatenate([b.images for b in blocks])
-    B = sparse.csr_array((np.ones(len(rows)), (rows, cols)), shape=(len(blocks), num_images))
-    tied = sparse.csr_array(B @ B.T)
-    tied.data = (tied.data >= 2).astype(float)
-    tied.eliminate_zeros()
-    count, label = connected_components(tied, directed=False)
-    parts = []
-    for part in range(count):
-        mine = [b for b, p in zip(blocks, label, strict=True) if p == part]
-        images = np.unique(np.concatenate([b.images for b in mine]))
-        parts.append(Part(images=images, blocks=mine))
-    # an image at a seam can be in two parts: the larger keeps it
-    parts.sort(key=lambda p: (-len(p.images), int(p.images[0])))
-    taken: set[int] = set()
-    result = []
-    for p in parts:
-        images = np.array([i for i in p.images if int(i) not in taken], dtype=np.int64)
-        kept = [b for b in p.blocks if not taken & set(b.images.tolist())]
-        covered = np.unique(np.concatenate([b.images for b in kept])) if kept else images[:0]
-        if len(covered) >= 3:
-            result.append(Part(images=covered, blocks=kept))
-            taken |= set(covered.tolist())
-    return result
 
 
 def robust_sigma(r: Float) -> float:

@@ -70,7 +70,8 @@ def linear_upgrade(A: Float, scale_sigma: float) -> tuple[Float, Float]:
 def _lower(params: Float) -> Float:
     L = np.zeros((3, 3))
     L[_LOWER] = params
-    L[np.arange(3), np.arange(3)] = np.exp(np.diag(L))
+    # beyond e^30 a start has run away; the bound keeps the arithmetic finite
+    L[np.arange(3), np.arange(3)] = np.exp(np.clip(np.diag(L), -30.0, 30.0))
     return L
 
 

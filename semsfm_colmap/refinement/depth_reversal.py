@@ -190,7 +190,7 @@ def decide_depth_sign(cues: dict[str, Cue], min_confidence: float) -> tuple[Dept
     logits = [float(np.log(c.probability / (1.0 - c.probability))) for c in cues.values()]
     informative = [x for x in logits if x != 0.0]
     total = float(np.sum(informative)) / np.sqrt(max(len(informative), 1))
-    reverse = total < 0.0
+    reverse = bool(total < 0.0)
     confidence = float(1.0 / (1.0 + np.exp(-min(abs(total), MAX_LOGIT))))
     evidence = {
         name: (1.0 - c.probability if reverse else c.probability) for name, c in cues.items()

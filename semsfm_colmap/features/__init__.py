@@ -1,1 +1,0 @@
-"""Region detectors, descriptors and the registry of both."""

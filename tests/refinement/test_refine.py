@@ -1,0 +1,163 @@
+import numpy as np
+import pytest
+
+from semsfm_colmap.geometry.rotations import depth_reversed
+from semsfm_colmap.refinement.covariance import estimate_covariance
+from semsfm_colmap.refinement.depth_reversal import (
+    cue_from_points,
+    decide_depth_sign,
+    regions,
+    reverse_depth,
+    visibility_cues,
+)
+from semsfm_colmap.refinement.options import RefinementOptions
+from semsfm_colmap.refinement.refine import noise_sigma, refine
+from semsfm_colmap.refinement.resection import resect
+from semsfm_colmap.synthetic.tracks import simulate_tracks
+from tests.alignment import best_hand_errors_deg
+
+
+def refined(s, **options):
+    """From slightly wrong cameras, as the factorization leaves them."""
+    from semsfm_colmap.refinement.bundle import BundleModel
+
+    rng = np.random.default_rng(0)
+    model = BundleModel.build(
+        len(s.cameras), free_scale=False, free_affine=False, scale_sigma=1, affine_sigma=1
+    )
+    start = model.retract(s.cameras, 0.002 * rng.normal(size=model.num_params))
+    return refine(
+        start,
+        np.arange(len(s.cameras)),
+        s.observations,
+        RefinementOptions(**options),
+        rng=rng,
+    )
+
+
+def body(**options):
+    defaults = {"num_images": 20, "range_deg": 100, "num_tracks": 3000, "track_window": 8}
+    return simulate_tracks(**{**defaults, **options}, rng=np.random.default_rng(7))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.2])
+def test_wrong_matches_are_dropped_and_the_accuracy_stays(share):
+    clean, dirty = refined(body()).value, refined(body(outlier_share=share)).value
+    s = body(outlier_share=share)
+    assert np.mean(dirty.inlier[~s.correct]) < 0.02
+    assert np.mean(dirty.inlier[s.correct]) > 0.9
+    truth = s.cameras.cam_from_world
+    error = [
+        np.median(best_hand_errors_deg(f.cameras.cam_from_world, truth)) for f in (clean, dirty)
+    ]
+    assert error[1] < 1.5 * error[0] + 0.01
+
+
+def test_noise_is_estimated_from_both_sides():
+    for noise in (0.2, 0.6):
+        fit = refined(body(noise_px=noise)).value
+        assert 0.9 * noise < fit.sigma_px < 1.05 * noise
+    r = 0.3 * np.random.default_rng(0).normal(size=(20000, 2))
+    assert 0.29 < noise_sigma(r, 0, 0) < 0.31
+
+
+def test_thresholds_fall_and_no_round_gains_what_the_one_before_had_lost():
+    fit = refined(body(outlier_share=0.1)).value
+    thresholds = [r.threshold_px for r in fit.rounds]
+    assert thresholds == sorted(thresholds, reverse=True)
+    assert fit.rounds[-1].num_observations <= fit.rounds[0].num_observations
+
+
+def test_an_image_of_something_else_is_left_out():
+    s = body()
+    xy = np.array(s.observations.xy)
+    alien = s.observations.image_idx == 5
+    xy[alien] = np.random.default_rng(1).uniform(0, 1000, (alien.sum(), 2))
+    from dataclasses import replace
+
+    fit = refined(replace(s, observations=replace(s.observations, xy=xy))).value
+    assert fit.images.tolist() == [i for i in range(20) if i != 5]
+
+
+def test_random_tracks_are_refused_with_a_reason():
+    s = body(num_images=4, num_tracks=100, track_window=0, range_deg=20)
+    from dataclasses import replace
+
+    noise = np.random.default_rng(1).uniform(0, 1000, s.observations.xy.shape)
+    failed = refined(replace(s, observations=replace(s.observations, xy=noise)))
+    assert failed.value is None
+    assert failed.status == "too_few_observations"
+
+
+@pytest.mark.slow
+def test_error_bars_of_the_rotations_are_true_from_both_sides():
+    ratios = []
+    for seed in range(12):
+        s = simulate_tracks(
+            num_images=8,
+            range_deg=50,
+            num_tracks=400,
+            body="field",
+            noise_px=0.3,
+            scale_drift=0.001,
+            rng=np.random.default_rng(seed),
+        )
+        fit = refined(s, loss="squared").value
+        C = estimate_covariance(fit.model, fit.state, fit.observations, 0.3).value
+        error = np.deg2rad(
+            best_hand_errors_deg(fit.cameras.cam_from_world, s.cameras.cam_from_world)
+        )
+        ratios.append(np.sum(error**2) / np.sum(C.sigma_rotation_rad**2))
+    assert 0.6 < np.mean(ratios) < 1.5
+
+
+def test_resection_finds_the_camera_among_wrong_matches():
+    s = body(num_images=5, body="field", track_window=0, num_tracks=200, noise_px=0.2)
+    xy = np.array(s.observations.xy[s.observations.image_idx == 2])
+    xy[::4] += 50.0
+    found = resect(
+        s.points, xy, threshold_px=2.0, min_inliers=12, rng=np.random.default_rng(0)
+    ).value
+    assert np.array_equal(found.inlier, np.arange(len(xy)) % 4 != 0)
+    assert np.allclose(found.cam_from_world, s.cameras.cam_from_world[2], atol=2e-3)
+    few = resect(
+        s.points[:8], xy[:8], threshold_px=2.0, min_inliers=12, rng=np.random.default_rng(0)
+    )
+    assert few.status == "too_few_points"
+
+
+def test_a_body_has_the_hand_in_which_the_seen_side_is_near_and_its_twin_is_reversed():
+    s = body(num_images=30, range_deg=180)
+    sizes = np.full((30, 2), 1000)
+    for reverse in (False, True):
+        cameras, points = reverse_depth(s.cameras, s.points) if reverse else (s.cameras, s.points)
+        cues = visibility_cues(cameras, points, s.observations, sizes)
+        sign, turn = decide_depth_sign(cues, 0.95)
+        assert turn is reverse
+        assert sign.status == "resolved"
+        assert sign.confidence > 0.99
+    assert np.allclose(
+        depth_reversed(np.array(reverse_depth(s.cameras, s.points)[0].cam_from_world)),
+        s.cameras.cam_from_world,
+    )
+
+
+def test_a_field_that_is_seen_everywhere_leaves_the_hand_open():
+    s = simulate_tracks(
+        num_images=7, range_deg=30, num_tracks=1000, body="field", rng=np.random.default_rng(3)
+    )
+    cues = visibility_cues(s.cameras, s.points, s.observations, np.full((7, 2), 1000))
+    sign, _ = decide_depth_sign(cues, 0.95)
+    assert sign.status == "ambiguous"
+    assert "both models" in sign.message
+
+
+def test_cues_of_pure_noise_are_rarely_confident():
+    rng = np.random.default_rng(5)
+    label = regions(rng.normal(size=(2000, 3)), 48)
+    probability = np.array(
+        [cue_from_points(rng.normal(size=2000), label).probability for _ in range(300)]
+    )
+    confidence = np.maximum(probability, 1 - probability)
+    assert np.mean(confidence > 0.95) < 0.01
+    assert cue_from_points(np.full(2000, np.nan), label).probability == 0.5
