@@ -1,0 +1,48 @@
+#!/usr/bin/env bash
+# Make a virtual environment with semsfm_colmap in it, and what open3d needs from the system.
+# usage: scripts/setup.sh [extra]     extra: dev, for the tests and checks
+# The environment is .venv in the repository, or the folder in SEMSFM_VENV.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+venv="${SEMSFM_VENV:-.venv}"
+extra="${1:-}"
+
+# python3-venv is a package of its own on Debian; the rest are libraries that open3d loads
+system_packages=(python3-venv libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0 libgomp1)
+
+install_system_packages() {
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+        echo "installing system libraries: ${system_packages[*]}" >&2
+        { apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq \
+            --no-install-recommends "${system_packages[@]}"; } >/dev/null
+    else
+        echo "Some system libraries are missing: install ${system_packages[*]} (Debian's names)" \
+            "and run this again." >&2
+        exit 2
+    fi
+}
+
+python=python3
+for candidate in python3.13 python3.12 python3.11; do
+    if ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+        command -v "$candidate" >/dev/null && python="$candidate"
+    fi
+done
+if ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+    echo "Python 3.11 or newer is needed and was not found: install it and run this again." >&2
+    exit 2
+fi
+"$python" -c 'import venv, ensurepip' 2>/dev/null || install_system_packages
+[ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+stamp="$venv/.semsfm-$extra"
+if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ]; then
+    echo "installing semsfm_colmap and its libraries into $venv" >&2
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
+        --editable ".${extra:+[$extra]}"
+    touch "$stamp"
+fi
+"$venv/bin/python" -c 'import open3d' 2>/dev/null || install_system_packages
+"$venv/bin/python" -c 'import open3d' || {
+    echo "open3d still does not load: install ${system_packages[*]} (Debian's names)." >&2
+    exit 2
+}
