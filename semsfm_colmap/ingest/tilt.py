@@ -149,7 +149,10 @@ def check_tilt(prior: TiltPrior, image_names: Sequence[str], cam_from_world: Flo
     )
     percent = 100 * (abs(factor) - 1)
     if consistent:
-        message = f"the estimated tilt is {abs(factor):.3f} times the known one, as it should be"
+        message = (
+            f"the estimated tilt is {abs(factor):.3f} times the known one, within the "
+            f"{100 * tolerance:.0f} % that can be told from {range_deg:.0f} degrees"
+        )
     else:
         message = (
             f"the known tilts ({prior.source}) span {range_deg:.1f} degrees, but the images show "

@@ -61,25 +61,27 @@ def drifted(
 ) -> dict[str, str]:
     """Frames that drifted while they were scanned, or between frames.
 
-    Drift within a frame shears it: x changes linearly with the row. Against the previous frame the
-    shear has one sign, against the next the other, so half the difference isolates it from what the
-    rotation of the specimen does.
+    Drift within a frame shears it: x changes linearly with the row. The shear between consecutive
+    frames is the difference of theirs, plus what the rotation of the specimen does, which changes
+    slowly. So the differences are summed up, and a frame that sticks out of its neighbours' median
+    has drifted.
     """
     notes: dict[str, str] = {}
-    shear = np.array(
+    steps = np.array(
         [o.linear[0, 1] if o.overlapping and o.linear is not None else np.nan for o in overlaps]
     )
-    if len(shear) >= 2:
-        own = (shear[:-1] - shear[1:]) / 2
-        known = own[np.isfinite(own)]
-        centre = float(np.median(known)) if len(known) else 0.0
-        spread = 1.4826 * float(np.median(np.abs(known - centre))) if len(known) else 0.0
-        for i, value in enumerate(own):
-            if np.isfinite(value) and abs(value - centre) > max(SHEAR, SHEAR_SPREAD * spread):
-                notes[names[i + 1]] = (
-                    f"drifted while scanned: sheared by {100 * (value - centre):+.1f} % "
-                    "against its neighbours"
-                )
+    known = np.isfinite(steps)
+    if known.sum() >= 2:
+        steps = np.where(known, steps - np.median(steps[known]), 0.0)
+        shear = np.concatenate([[0.0], np.cumsum(steps)])
+        near = [shear[max(0, i - 2) : i + 3] for i in range(len(shear))]
+        own = shear - np.array([np.median(values) for values in near])
+        spread = 1.4826 * float(np.median(np.abs(own)))
+        sticking_out = np.abs(own) > max(SHEAR, SHEAR_SPREAD * spread)
+        for i in np.flatnonzero(sticking_out).tolist():
+            notes[names[i]] = (
+                f"drifted while scanned: sheared by {100 * own[i]:+.1f} % against its neighbours"
+            )
     for i, overlap in enumerate(overlaps):
         if overlap.overlapping and overlap.shift_px is not None:
             shift = float(np.hypot(*overlap.shift_px))

@@ -1,0 +1,253 @@
+from __future__ import annotations
+
+import csv
+import json
+from math import degrees
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.ingest.inspect import Inspection, inspect_images
+from semsfm_colmap.ingest.inspect_output import (
+    format_inspection,
+    write_inspection_csv,
+    write_inspection_json,
+)
+from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.quality import judge, measure
+
+from . import vendor_files as vendor
+from .conftest import DATA, save, texture, with_databar
+
+OPTIONS = IngestOptions()
+FIELDS = [
+    "name", "width", "height", "bits", "pixel_size_um", "pixel_size_source", "tilt_deg",
+    "stage_rotation_deg", "scan_rotation_deg", "working_distance_um", "beam_energy_kev",
+    "magnification", "instrument", "detector", "tilt_corrected", "warnings",
+]  # fmt: skip
+HEIGHT, WIDTH = 400, 500
+SURFACE = cv2.GaussianBlur(
+    np.random.default_rng(3).normal(size=(HEIGHT, WIDTH)).astype(np.float32), (0, 0), 25
+)
+SURFACE *= 25 / SURFACE.std()
+ALBEDO = sum(
+    cv2.GaussianBlur(
+        np.random.default_rng(10 + k).normal(size=(HEIGHT, WIDTH)).astype(np.float32), (0, 0), s
+    ) * s * w
+    for k, (s, w) in enumerate([(1.2, 60), (2.5, 60), (5, 60)])
+) + 120  # fmt: skip
+
+
+def view(angle_deg: float, seed: int = 0, *, depth: float = 1.0) -> np.ndarray:
+    """A rough surface seen under parallel projection after a tilt about the y axis."""
+    rows, columns = np.indices((HEIGHT, WIDTH), dtype=np.float32)
+    angle = np.radians(angle_deg)
+    x = (columns - WIDTH / 2) / np.cos(angle) - np.tan(angle) * SURFACE * depth + WIDTH / 2
+    seen = cv2.remap(
+        ALBEDO, x.astype(np.float32), rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
+    )
+    noise = np.random.default_rng(seed).normal(0, 5, size=seen.shape)
+    return np.clip(np.rint(seen + noise), 0, 255).astype(np.uint8)
+
+
+def write_series(folder: Path, images: list[np.ndarray]) -> None:
+    for i, image in enumerate(images):
+        save(folder / f"{i}.png", image)
+
+
+def answer(inspection: Inspection, question: str) -> str:
+    (found,) = (a.answer for a in inspection.answers if a.question == question)
+    return found
+
+
+def warned(inspection: Inspection, word: str) -> list[str]:
+    return [row.name for row in inspection.rows if any(word in w for w in row.warnings)]
+
+
+TILTS = [-12, -8, -4, 0, 4, 8, 12]
+
+
+def test_a_good_series_gets_yes_throughout(folder: Path) -> None:
+    write_series(folder, [view(t, i) for i, t in enumerate(TILTS)])
+    inspection = inspect_images(folder, OPTIONS)
+    assert [a.answer for a in inspection.answers] == ["yes"] * 5
+    assert all(row.warnings == ("no microscope header",) for row in inspection.rows)
+
+
+def test_blurred_charged_and_foreign_frames_are_found(folder: Path) -> None:
+    images = [view(t, i) for i, t in enumerate(TILTS)]
+    rng = np.random.default_rng(5)
+    blurred = cv2.GaussianBlur(images[1].astype(np.float32), (0, 0), 2.0)
+    images[1] = np.clip(blurred + rng.normal(0, 5, blurred.shape), 0, 255).astype(np.uint8)
+    charged = images[3].astype(float)
+    charged[100:112] += 60
+    charged[250:255] -= 50
+    images[3] = np.clip(charged, 0, 255).astype(np.uint8)
+    images[5] = texture(77, HEIGHT, WIDTH)
+    write_series(folder, images)
+    inspection = inspect_images(folder, OPTIONS)
+    assert warned(inspection, "blurred") == ["1.png", "5.png"]  # the foreign one is smooth, too
+    assert warned(inspection, "charged") == ["3.png"]
+    assert warned(inspection, "shares no features") == ["5.png"]
+    assert answer(inspection, "frames in order") == "no"
+    assert answer(inspection, "overlapping") == "partly"
+
+
+def test_drift_within_a_frame_is_found(folder: Path) -> None:
+    images = [view(t, i) for i, t in enumerate(TILTS)]
+    shear = np.array([[1, 0.02, 0], [0, 1, 0]], np.float32)
+    images[3] = cv2.warpAffine(images[3], shear, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REFLECT)
+    write_series(folder, images)
+    assert warned(inspect_images(folder, OPTIONS), "drifted") == ["3.png"]
+
+
+def test_a_change_of_magnification_is_found_in_the_images(folder: Path) -> None:
+    images = [view(t, i) for i, t in enumerate(TILTS)]
+    zoom = cv2.getRotationMatrix2D((WIDTH / 2, HEIGHT / 2), 0, 1.15)
+    for i in (4, 5, 6):
+        images[i] = cv2.warpAffine(images[i], zoom, (WIDTH, HEIGHT))
+    write_series(folder, images)
+    inspection = inspect_images(folder, OPTIONS)
+    assert answer(inspection, "same magnification") == "no"
+    (reason,) = (a.reason for a in inspection.answers if a.question == "same magnification")
+    assert reason.startswith("4.png")
+
+
+def test_a_flat_specimen_shows_no_depth(folder: Path) -> None:
+    write_series(folder, [view(t, i, depth=0.0) for i, t in enumerate(TILTS)])
+    inspection = inspect_images(folder, OPTIONS)
+    assert answer(inspection, "overlapping") == "yes"
+    assert answer(inspection, "enough tilt") == "no"
+
+
+@pytest.mark.parametrize(
+    ("step", "count", "expected"), [(0.5, 4, "no"), (3.0, 4, "just"), (5.0, 5, "yes")]
+)
+def test_recorded_tilts_decide_whether_there_is_enough(
+    folder: Path, step: float, count: int, expected: str
+) -> None:
+    for i in range(count):
+        tag = vendor.fei(tilt_rad=np.radians(step * i))
+        vendor.write_tiff(folder / f"{i}.tif", with_databar(texture(i)), {vendor.FEI_HELIOS: tag})
+    assert answer(inspect_images(folder, OPTIONS), "enough tilt") == expected
+
+
+@pytest.mark.parametrize(("count", "expected"), [(1, "no"), (2, "no"), (3, "just"), (5, "yes")])
+def test_the_number_of_images_is_judged(folder: Path, count: int, expected: str) -> None:
+    write_series(folder, [texture(i) for i in range(count)])
+    assert answer(inspect_images(folder, OPTIONS), "enough images") == expected
+
+
+def test_an_empty_folder_is_an_input_error(folder: Path) -> None:
+    with pytest.raises(InputError, match="no images in"):
+        inspect_images(folder, OPTIONS)
+
+
+def test_rows_hold_what_the_headers_say_in_degrees(folder: Path) -> None:
+    for i in range(3):
+        tag = vendor.fei(tilt_rad=0.1 * i)
+        vendor.write_tiff(folder / f"{i}.tif", with_databar(texture(i)), {vendor.FEI_HELIOS: tag})
+    (folder / "bad.png").write_bytes(b"")
+    rows = {row.name: row for row in inspect_images(folder, OPTIONS).rows}
+    row = rows["1.tif"]
+    assert (row.width, row.height, row.bits) == (200, 160, 8)
+    assert row.tilt_deg == pytest.approx(degrees(0.1))
+    assert row.pixel_size_um == pytest.approx(0.025)
+    assert row.pixel_size_source == "FEI 34682 [EScan] PixelWidth"
+    assert (row.instrument, row.detector, row.tilt_corrected) == ("Quanta FEG", "LFD", False)
+    bad = rows["bad.png"]
+    assert bad.width is None
+    assert "is empty" in bad.warnings[0]
+
+
+def test_a_table_and_an_option_override_the_rows(folder: Path, tmp_path: Path) -> None:
+    write_series(folder, [texture(i) for i in range(3)])
+    table = tmp_path / "s.csv"
+    table.write_text("image,tilt_deg\n0.png,1.5\n1.png,2.5\n2.png,3.5\n")
+    options = IngestOptions(series_csv=table, pixel_size_um=0.1)
+    rows = inspect_images(folder, options).rows
+    assert [row.tilt_deg for row in rows] == pytest.approx([1.5, 2.5, 3.5])
+    assert rows[0].pixel_size_source == "option pixel_size_um"
+
+
+def test_json_holds_one_object_per_image_with_null_where_nothing_is_known(
+    folder: Path, tmp_path: Path
+) -> None:
+    write_series(folder, [texture(i) for i in range(3)])
+    write_inspection_json(inspect_images(folder, OPTIONS), tmp_path / "o/i.json")
+    rows = json.loads((tmp_path / "o/i.json").read_text())
+    assert [list(row) for row in rows] == [FIELDS] * 3
+    assert rows[0]["name"] == "0.png"
+    assert rows[0]["tilt_deg"] is None
+    assert rows[0]["warnings"] == ["no microscope header"]
+
+
+def test_csv_holds_one_line_per_image(folder: Path, tmp_path: Path) -> None:
+    write_series(folder, [texture(i) for i in range(3)])
+    save(folder / 'od"d, 3.png', texture(3))
+    write_inspection_csv(inspect_images(folder, OPTIONS), tmp_path / "i.csv")
+    with (tmp_path / "i.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == FIELDS
+    assert [row["name"] for row in rows] == ["0.png", "1.png", "2.png", 'od"d, 3.png']
+    assert (rows[0]["width"], rows[0]["tilt_deg"]) == ("200", "")
+
+
+def test_the_table_is_narrow_and_leaves_out_empty_columns(folder: Path) -> None:
+    write_series(folder, [texture(i) for i in range(3)])
+    text = format_inspection(inspect_images(folder, OPTIONS))
+    assert max(len(line) for line in text.splitlines()) <= 100
+    assert "tilt  " not in text.splitlines()[0]
+    assert "all images: no microscope header" in text
+    assert "enough images?" in text
+
+
+def test_progress_is_told(folder: Path) -> None:
+    write_series(folder, [texture(i) for i in range(3)])
+    seen: list[tuple[int, int]] = []
+    inspect_images(folder, OPTIONS, progress=lambda n, m: seen.append((n, m)))
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_sharpness_does_not_depend_on_noise_or_contrast() -> None:
+    base = view(0, 0).astype(float)
+    reference = measure(base.astype(np.uint8)).sharpness
+    noisy = base + np.random.default_rng(1).normal(0, 8, size=base.shape)
+    faint = 120 + 0.5 * (base - 120)
+    for image in (noisy, faint):
+        again = measure(np.clip(image, 0, 255).astype(np.uint8)).sharpness
+        assert again == pytest.approx(reference, rel=0.25)
+    blurred = measure(cv2.GaussianBlur(view(0, 0), (0, 0), 1.5)).sharpness
+    assert blurred < 0.5 * reference
+
+
+def test_a_single_frame_is_not_judged_against_nothing() -> None:
+    assert judge([measure(view(0))]) == ([],)
+    assert judge([]) == ()
+
+
+@pytest.mark.data
+@pytest.mark.skipif(not DATA.is_dir(), reason="needs the development data")
+def test_every_file_with_vendor_metadata_has_a_row() -> None:
+    inspection = inspect_images(DATA / "sem_metadata", OPTIONS)
+    rows = {row.name: row for row in inspection.rows}
+    assert len(rows) == 6
+    assert rows["tescan-pfib_dataZeroed.tif"].stage_rotation_deg == pytest.approx(30.0)
+    assert "every pixel has the value 0" in rows["scios_xml_metadata.tif"].warnings[0]
+    broken = rows["quad1image_001_no_beam_scan_or_system_meta.tif"]
+    assert broken.pixel_size_um == pytest.approx(0.441942)
+    assert "cannot be decoded" in broken.warnings[0]
+    assert all(row.pixel_size_um for row in inspection.rows)
+
+
+@pytest.mark.data
+@pytest.mark.skipif(not DATA.is_dir(), reason="needs the development data")
+@pytest.mark.parametrize("name", ["sem_pot1", "synth_nickel/images"])
+def test_real_and_rendered_series_are_found_in_order(name: str) -> None:
+    inspection = inspect_images(DATA / name, OPTIONS)
+    assert answer(inspection, "overlapping") == "yes"
+    assert answer(inspection, "enough tilt") == "yes"
+    assert answer(inspection, "frames in order") == "yes"
