@@ -59,15 +59,15 @@ class SynthesizeOptions:
     """Rays per pixel along each axis."""
     mesh_edge_px: float = 1.5
     """Length of the edges of the specimen's triangles; what is finer is not there."""
-    albedo_contrast: float = 0.12
+    albedo_contrast: float = 0.18
     """Standard deviation of the relative brightness of the material, apart from its relief."""
     secant_exponent: float = 0.95
     """Brightness grows with this power of 1 / cos of the angle between normal and beam."""
     detector_strength: float = 0.45
     """How much brighter is what faces the detector, and darker what faces away."""
-    edge_strength: float = 0.3
+    edge_strength: float = 0.5
     """Brightening of ridges and darkening of grooves."""
-    thin_strength: float = 0.6
+    thin_strength: float = 0.9
     """Brightening of parts thinner than the range of the electrons."""
     cavity_strength: float = 0.75
     """Darkening of cavities that electrons do not escape from, 0 to 1."""

@@ -23,11 +23,11 @@ DETECTOR = np.array([0.35, -0.75, -0.55]) / np.linalg.norm([0.35, -0.75, -0.55])
 """Direction from the specimen to the detector in the camera frame: up, right, toward the beam."""
 MAX_YIELD = 4.6
 """Bound on the secant law: at grazing incidence roughness and surface barrier end the growth."""
-SUPPORT_CONTRAST = 0.45
+SUPPORT_CONTRAST = 0.3
 """Contrast of the support's material relative to the specimen's: metal, not tissue."""
 THIN_PX = 8.0
 """Thickness at which the glow of thin parts has fallen to 1 / e."""
-EDGE_SCALES_PX = (2.5, 8.0)
+EDGE_SCALES_PX = (2.5, 6.0)
 """Widths of the neighbourhoods against which ridges and grooves stand out."""
 REGION_MARGIN_PX = 4.0
 """Room around the projected vertices for the displacement of scan lines."""
@@ -42,7 +42,7 @@ class Renderer:
     scene: Any
     faces: Array
     attributes: Array
-    """(V, 5) float32: normal (3), brightness of the material and its cavities, glow when thin"""
+    """(V, 5) float32: normal (3), brightness of material, cavities and ridges, glow when thin"""
     coordinates: Array
     """(3, V) float32: the vertices"""
     options: SynthesizeOptions
@@ -110,7 +110,7 @@ class Renderer:
     ) -> tuple[Array, Array]:
         """Signal and hit mask (h, w) float32 of the rays of `_rays`."""
         o = self.options
-        R, scale = camera.cam_from_world[0], camera.scale_px_per_unit[0]
+        R = camera.cam_from_world[0]
         rays = self._rays(camera, u, v, shift)
         answer = self.scene.cast_rays(as_tensor(rays))
         depth = answer["t_hit"].numpy()
@@ -132,7 +132,6 @@ class Renderer:
         if o.shadowing > 0:
             value *= self._shadow(rays[mask], depth[mask], a[:, :3], R)
         value = value * a[:, 3] + o.thin_strength * a[:, 4]
-        value *= 1.0 + o.edge_strength * self._ridges(depth, mask, float(scale))
         signal.reshape(-1)[hit] = np.maximum(value, 0.0)
         return signal, mask.astype(np.float32)
 
@@ -144,27 +143,11 @@ class Renderer:
         barred = self.scene.test_occlusions(as_tensor(toward)).numpy()
         return np.asarray(1.0 - self.options.shadowing * barred, dtype=np.float32)
 
-    def _ridges(self, depth: Array, mask: Array, scale: float) -> Array:
-        """How far each hit stands out of its neighbourhood: -1.5 (groove) to 1.5 (ridge)."""
-        import cv2
-
-        hit = np.flatnonzero(mask)
-        weight = mask.astype(np.float32)
-        filled = np.where(mask, depth, np.float32(0.0))
-        here = depth.reshape(-1)[hit]
-        total = np.zeros(hit.size, np.float32)
-        for width_px in EDGE_SCALES_PX:
-            sigma = width_px * self.options.supersampling
-            share = cv2.GaussianBlur(weight, (0, 0), sigma).reshape(-1)[hit]
-            mean = cv2.GaussianBlur(filled, (0, 0), sigma).reshape(-1)[hit] / share
-            total += np.clip((mean - here) * np.float32(scale / width_px), -1.5, 1.5)
-        return total / len(EDGE_SCALES_PX)
-
 
 def make_renderer(
     specimen: Specimen, options: SynthesizeOptions, scale: float, rng: np.random.Generator
 ) -> Renderer:
-    """Prepare a specimen: build the ray caster, find its cavities and thin parts.
+    """Prepare a specimen: build the ray caster, find its cavities, ridges and thin parts.
 
     Parameters
     ----------
@@ -180,6 +163,10 @@ def make_renderer(
     material = 1.0 + options.albedo_contrast * contrast * specimen.texture
     free = surface.openness(specimen, normals, scene, rng)
     material = material.clip(0.3, 2.0) * (1.0 - options.cavity_strength * (1.0 - free))
+    ridge = np.zeros(len(normals))
+    for width_px in EDGE_SCALES_PX:
+        ridge += surface.convexity(specimen, normals, width_px / scale).clip(-1.5, 1.5)
+    material *= np.maximum(1.0 + options.edge_strength * ridge / len(EDGE_SCALES_PX), 0.0)
     glow = np.exp(-surface.thickness(specimen, normals, scene) * scale / THIN_PX)
     attributes = np.column_stack([normals, material, glow]).astype(np.float32)
     return Renderer(

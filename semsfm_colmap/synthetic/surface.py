@@ -1,4 +1,8 @@
-"""What of the brightness belongs to the surface and not to the view: cavities and thin parts."""
+"""What of the brightness belongs to the surface and not to the view.
+
+Cavities that hold electrons back, thin parts that they leave on both sides, ridges that they leave
+more easily than grooves.
+"""
 
 from __future__ import annotations
 
@@ -47,6 +51,38 @@ def thickness(specimen: Specimen, normals: Float, scene: Any) -> Float:
     hit = scene.cast_rays(ray_tensor(start, -normals))
     leaving = np.sum(hit["primitive_normals"].numpy() * -normals, axis=1) > 0
     return np.where(leaving, hit["t_hit"].numpy().astype(np.float64), np.inf)
+
+
+def convexity(specimen: Specimen, normals: Float, radius: float) -> Float:
+    """How far each vertex stands out of its neighbourhood, in units of `radius`: (V,).
+
+    ``(x - mean) . n / radius`` where the mean is that of a Gaussian of standard deviation `radius`
+    on the surface: positive on ridges and tips, negative in grooves, ``radius / r`` on a ball of
+    radius r >> radius. Each averaging over the neighbours along the edges, of mean square length
+    e^2, adds e^2 / 2 to the variance along either tangent.
+
+    Parameters
+    ----------
+    specimen : the surface
+    normals : (V, 3) of its vertices
+    radius : of the neighbourhood, scene units
+
+    """
+    from scipy.sparse import csr_matrix
+
+    faces, V = specimen.faces, len(specimen.vertices)
+    start = faces.reshape(-1)
+    end = faces[:, [1, 2, 0]].reshape(-1)
+    ones = np.ones(2 * len(start), dtype=np.float32)
+    both = np.concatenate([start, end]), np.concatenate([end, start])
+    neighbours = csr_matrix((ones, both), shape=(V, V))
+    count = np.asarray(neighbours.sum(axis=1)).reshape(-1, 1)
+    edge = specimen.vertices[end] - specimen.vertices[start]
+    mean_square = float(np.mean(np.sum(edge * edge, axis=1)))
+    mean = specimen.vertices.astype(np.float32)
+    for _ in range(max(1, round(2.0 * radius**2 / mean_square))):
+        mean = np.where(count > 0, (neighbours @ mean) / np.maximum(count, 1.0), mean)
+    return np.asarray(np.sum((specimen.vertices - mean) * normals, axis=1) / radius)
 
 
 def smoothed(values: Float, faces: Array) -> Float:

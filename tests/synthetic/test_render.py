@@ -9,7 +9,7 @@ import pytest
 
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.synthetic.options import SynthesizeOptions
-from semsfm_colmap.synthetic.primitives import Mesh, geodesic_sphere, merged
+from semsfm_colmap.synthetic.primitives import Mesh, geodesic_sphere, grid_faces, merged
 from semsfm_colmap.synthetic.render import DETECTOR, MAX_YIELD, make_renderer
 from semsfm_colmap.synthetic.scenes.base import Specimen
 from semsfm_colmap.types import Array, Float, OrthographicCameras
@@ -185,13 +185,10 @@ def test_a_thin_plate_glows_more_than_a_thick_one() -> None:
 
 
 def test_a_ridge_is_brighter_and_a_groove_darker_than_the_plane_beside() -> None:
-    x = np.linspace(-1.5, 1.5, 301)
-    profile = -0.1 * np.exp(-(((x + 0.5) / 0.05) ** 2)) + 0.1 * np.exp(-(((x - 0.5) / 0.05) ** 2))
-    vertices = np.array([[a, y, z] for y in (-1.2, 1.2) for a, z in zip(x, profile, strict=True)])
-    k = np.arange(300)
-    faces = np.concatenate(
-        [np.stack([k, k + 301, k + 302], axis=1), np.stack([k, k + 302, k + 1], axis=1)]
-    )
+    x, y = np.meshgrid(np.linspace(-1.5, 1.5, 151), np.linspace(-1.2, 1.2, 121), indexing="ij")
+    z = 0.1 * np.exp(-(((x - 0.5) / 0.06) ** 2)) - 0.1 * np.exp(-(((x + 0.5) / 0.06) ** 2))
+    vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    faces = grid_faces(151, 121)[:, ::-1]
     options = replace(PLAIN, edge_strength=0.5, secant_exponent=0.0)
     signal, _ = render(specimen_of((vertices, faces)), camera(), options)
     ridge, plane, groove = signal[50, 40], signal[50, 60], signal[50, 80]

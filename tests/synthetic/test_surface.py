@@ -5,10 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semsfm_colmap.synthetic.primitives import Mesh, geodesic_sphere, merged
+from semsfm_colmap.synthetic.primitives import Mesh, geodesic_sphere, grid_faces, merged
 from semsfm_colmap.synthetic.rays import ray_scene
 from semsfm_colmap.synthetic.scenes.base import Specimen
-from semsfm_colmap.synthetic.surface import openness, smoothed, surface_normals, thickness
+from semsfm_colmap.synthetic.surface import (
+    convexity,
+    openness,
+    smoothed,
+    surface_normals,
+    thickness,
+)
 from semsfm_colmap.types import Float
 
 
@@ -60,3 +66,24 @@ def test_smoothing_keeps_constants_and_lowers_a_peak() -> None:
     peak = np.zeros(162)
     peak[7] = 1.0
     assert smoothed(peak, faces)[7] == pytest.approx(1.0 / 3.0)
+
+
+@pytest.mark.parametrize(("size", "side"), [(1.0, 1.0), (2.5, 1.0), (1.0, -1.0)])
+def test_a_ball_stands_out_by_the_curvature_of_its_surface(size: float, side: float) -> None:
+    vertices, faces = geodesic_sphere(40)
+    mesh = (size * vertices, faces if side > 0 else faces[:, ::-1])
+    specimen = specimen_of(mesh)
+    found = convexity(specimen, surface_normals(specimen), 0.1 * size)
+    # radius / r in the limit of small radii; seen from inside it is a hollow.
+    assert np.median(found) == pytest.approx(0.1 * side, rel=0.05)
+    # Around the corners of the icosahedron triangles are smaller, and with them the neighbourhood.
+    assert 0.05 < (side * found).min() < (side * found).max() < 0.15
+
+
+def test_a_plane_neither_stands_out_nor_recedes() -> None:
+    x, y = np.meshgrid(np.arange(20.0), np.arange(20.0), indexing="ij")
+    vertices = np.stack([x, y, 0.3 * x], axis=-1).reshape(-1, 3)
+    specimen = specimen_of((vertices, grid_faces(20, 20)))
+    inner = np.s_[5:15, 5:15]
+    found = convexity(specimen, surface_normals(specimen), 2.0).reshape(20, 20)
+    np.testing.assert_allclose(found[inner], 0.0, atol=1e-5)

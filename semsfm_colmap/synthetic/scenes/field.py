@@ -48,7 +48,7 @@ def build(view: View, rng: np.random.Generator) -> Specimen:
     return Specimen(
         vertices=vertices,
         faces=faces,
-        texture=fractal_noise(vertices, 12.0, 3, rng, decay=0.8),
+        texture=fractal_noise(vertices, 18.0, 2, rng, decay=0.8),
         label=np.full(len(vertices), SPECIMEN),
         facts={"nodule_spacing_units": [spacing for spacing, _, _ in NODULES]},
     )

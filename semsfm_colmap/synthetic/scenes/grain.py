@@ -41,7 +41,7 @@ def build(view: View, rng: np.random.Generator) -> Specimen:
     vertices, faces = merged([body, *needles, stalk])
     label = np.full(len(vertices), SPECIMEN)
     label[-len(stalk[0]) :] = SUPPORT
-    texture = fractal_noise(vertices, 14.0, 3, rng, decay=0.8)
+    texture = fractal_noise(vertices, 22.0, 2, rng, decay=0.8)
     return Specimen(
         vertices=vertices,
         faces=faces,
