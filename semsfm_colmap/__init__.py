@@ -1,3 +1,56 @@
-"""Structure from motion for scanning electron microscope series (parallel projection)."""
+"""Structure from motion for scanning electron microscope series (parallel projection).
+
+The public names, loaded when they are first used:
+
+- `reconstruct`, `run_stages`: images to a project; some stages of a project
+- `Config`, `read_config`, `write_config`: all options
+- `read_model`: a `Reconstruction` from a sparse folder
+- `map_observations`: `Observations` to reconstructions, without any file
+- `evaluate`, `load_truth`, `synthesize`, `SynthesizeOptions`: truth
+- the types of `semsfm_colmap.types` and the errors of `semsfm_colmap.errors`
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from semsfm_colmap.colmap.model import read_model as read_model
+    from semsfm_colmap.config import Config as Config
+    from semsfm_colmap.config import read_config as read_config
+    from semsfm_colmap.config import write_config as write_config
+    from semsfm_colmap.evaluation.compare import evaluate as evaluate
+    from semsfm_colmap.evaluation.truth import load_truth as load_truth
+    from semsfm_colmap.pipeline.mapping import map_observations as map_observations
+    from semsfm_colmap.pipeline.reconstruct import reconstruct as reconstruct
+    from semsfm_colmap.pipeline.reconstruct import run_stages as run_stages
+    from semsfm_colmap.synthetic.options import SynthesizeOptions as SynthesizeOptions
+    from semsfm_colmap.synthetic.series import synthesize as synthesize
+
+_HOMES = {
+    "Config": "config",
+    "SynthesizeOptions": "synthetic.options",
+    "evaluate": "evaluation.compare",
+    "load_truth": "evaluation.truth",
+    "map_observations": "pipeline.mapping",
+    "read_config": "config",
+    "read_model": "colmap.model",
+    "reconstruct": "pipeline.reconstruct",
+    "run_stages": "pipeline.reconstruct",
+    "synthesize": "synthetic.series",
+    "write_config": "config",
+}
+__all__ = sorted([*_HOMES, "__version__"])
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(f"semsfm_colmap.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'semsfm_colmap' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__
