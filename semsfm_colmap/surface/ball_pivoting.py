@@ -32,6 +32,7 @@ def mesh_cloud(cloud: PointCloud, options: SurfaceOptions) -> TriangleMesh:
     ------
     InputError
         When the cloud is too small, or no surface comes of it.
+
     """
     if cloud.normals is None:
         raise UsageError("cloud.normals is None: estimate normals before meshing.")

@@ -47,6 +47,7 @@ def fill_holes(vertices: Float, faces: Int, normals: Float, max_edges: int) -> I
     Returns
     -------
     (F', 3) with the new faces at the end
+
     """
     num = len(vertices)
     edges = set(directed_keys(faces, num).tolist())
@@ -89,6 +90,7 @@ def least_area_triangulation(polygon: Float, free: Int | None = None) -> Int | N
     Returns
     -------
     (n - 2, 3) corners in the polygon's direction, or None when the chords do not suffice
+
     """
     n = len(polygon)
     cost = np.zeros((n, n))

@@ -59,6 +59,7 @@ def estimate_normals(points: Float, viewing_direction: Float, num_neighbors: int
     Returns
     -------
     (N, 3) with ``n . d < 0`` wherever the surface is not seen at a grazing angle
+
     """
     _, idx = nearest_neighbors(points, num_neighbors)
     normals = np.empty_like(points)

@@ -18,6 +18,7 @@ def import_open3d() -> Any:
     ------
     MissingDependencyError
         When the package, or a system library that its wheel links against, is missing.
+
     """
     try:
         return importlib.import_module("open3d")

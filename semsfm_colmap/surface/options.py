@@ -20,6 +20,40 @@ class SurfaceOptions:
     max_outlier_sigma: float = 2.5
     """A point is stray when that distance exceeds the cloud's mean by this many deviations."""
 
+    # dense stereo
+    max_depth_map_size_px: int = 1024
+    """Longer side of a depth map; larger images are reduced to it."""
+    max_num_depth_maps: int = 48
+    """Images that get a depth map; of longer series as many, spread over the directions."""
+    num_neighbors: int = 6
+    """Images that each depth map is matched against."""
+    min_baseline_deg: float = 2.0
+    """Images seen at a smaller angle to the reference give no depth."""
+    max_baseline_deg: float = 16.0
+    """Images seen at a larger angle look too different."""
+    depth_margin: float = 0.15
+    """The sweep reaches this share of the sparse points' depth range beyond them."""
+    sweep_step_px: float = 0.75
+    """Parallax between two planes, in px of the half-size images."""
+    sweep_window_radius_px: int = 2
+    """The sweep correlates windows of 2 r + 1 px at half size."""
+    window_radius_px: int = 3
+    """The refinement correlates windows of 2 r + 1 px."""
+    window_grey_share: float = 0.27
+    """Pixels that differ from the window's centre by this share of the contrast do not count."""
+    visibility_spread: float = 0.4
+    """A neighbour that correlates this much worse than the best one does not count."""
+    slope_radius_px: int = 3
+    """Local planes are fitted to depths within this distance."""
+    num_refinements: int = 3
+    """Gauss-Newton steps at half and at full size."""
+    smoothness: float = 0.1
+    """Pull of a depth to its local plane, as an inverse variance in px: 0.1 means 3 px."""
+    min_correlation: float = 0.2
+    """Depths whose windows correlate less are dropped."""
+    min_speck_px: int = 60
+    """Connected patches of fewer depth pixels are dropped."""
+
     # mesh
     method: Literal["ball_pivoting", "poisson"] = "ball_pivoting"
     """Ball pivoting keeps to the points and leaves open what was not seen; Poisson closes it."""

@@ -1,8 +1,8 @@
 """Shaded pictures of meshes and clouds without a graphics card: parallel rays and Lambert's law.
 
 The picture is what an orthographic camera sees. A key light from the upper left and a fill light
-from the viewer add up, ``brightness = ambient + key max(0, n . l) + fill max(0, n . v)``. Faces seen
-from inside are tinted, so that holes and flipped patches show. Used by the report and the
+from the viewer add up, ``brightness = ambient + key max(0, n . l) + fill max(0, n . v)``. Faces
+seen from inside are tinted, so that holes and flipped patches show. Used by the report and the
 documentation.
 """
 
@@ -56,6 +56,7 @@ def render_mesh(
     Returns
     -------
     (H, W, 3) uint8
+
     """
     if len(mesh.faces) == 0:
         raise UsageError("mesh has no faces: there is nothing to render.")

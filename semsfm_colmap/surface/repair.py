@@ -30,6 +30,7 @@ def repair(
     cloud_normals : (V, 3) that point outside
     min_component_fraction : of the faces of the largest component
     max_hole_edges : holes with longer boundaries stay open
+
     """
     faces = drop_degenerate(vertices, faces)
     faces = face_outside(vertices, faces, cloud_normals)
