@@ -44,12 +44,12 @@ class SeriesTable:
         by_name: dict[str, list[str]] = {}
         for name in names:
             path = PurePosixPath(name)
-            for key in {name, path.name, str(path.with_suffix("")), path.stem}:
+            for key in {name, path.name, _without_suffix(path), path.stem}:
                 by_name.setdefault(key, []).append(name)
         found: dict[str, SeriesRow] = {}
         for row in self.rows:
             path = PurePosixPath(row.image)
-            candidates = [row.image, path.name, str(path.with_suffix("")), path.stem]
+            candidates = [row.image, path.name, _without_suffix(path), path.stem]
             for key in candidates:
                 images = by_name.get(key, [])
                 if row.image in images:
@@ -58,6 +58,10 @@ class SeriesTable:
                     found.setdefault(images[0], row)
                     break
         return found
+
+
+def _without_suffix(path: PurePosixPath) -> str:
+    return str(path.parent / path.stem)
 
 
 def read_series_table(path: Path) -> SeriesTable:

@@ -42,6 +42,8 @@ def stored_pixel_size(
     """
     if pixel is None and field_width is None:
         return PixelSize(um=None)
+    if recorded_raster and min(recorded_raster) < 1:
+        recorded_raster = None
     if recorded_raster and recorded_raster != (width, height):
         changed = _changed_raster(width, height, pixel, field_width, recorded_raster, databar_rows)
         if changed is not None:

@@ -14,6 +14,8 @@ MAX_TEXT_BYTES = 1 << 22
 MAX_LINE = 4096
 MAX_NUMBER = 1e15
 """Larger magnitudes than this occur in no unit that a microscope writes."""
+MIN_NUMBER = 1e-30
+"""Smaller magnitudes are zero; they would only overflow when divided by."""
 MAX_ANGLE_RAD = 4 * math.pi
 _NUMBER = re.compile(r"[+-]?(?:\d{1,40}(?:[.,]\d{0,40})?|[.,]\d{1,40})(?:[eE][+-]?\d{1,4})?")
 
@@ -70,12 +72,14 @@ def read_sections(text: str, separator: str = "=") -> dict[str, dict[str, str]]:
 
 
 def number(text: str | None) -> float | None:
-    """The number a value starts with, or None; infinite, nan and absurd ones are None."""
+    """The number a value starts with, or None; absurdly large ones are None, tiny ones 0."""
     found = _NUMBER.match(text.strip()) if text else None
     if found is None:
         return None
     value = float(found.group().replace(",", "."))
-    return value if math.isfinite(value) and abs(value) <= MAX_NUMBER else None
+    if not math.isfinite(value) or abs(value) > MAX_NUMBER:
+        return None
+    return value if abs(value) >= MIN_NUMBER else 0.0
 
 
 def number_and_unit(text: str | None) -> tuple[float | None, str]:
