@@ -120,7 +120,7 @@ def nominal_angles_deg(options: SynthesizeOptions) -> Float:
     start = options.start_deg
     if start is None:
         start = -0.5 * range_deg if defaults.centred else 0.0
-    return np.asarray(np.linspace(start, start + (range_deg if num > 1 else 0.0), num))
+    return np.asarray(np.linspace(start, start + range_deg, num))
 
 
 def nominal_scale(options: SynthesizeOptions) -> float:

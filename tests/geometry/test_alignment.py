@@ -103,10 +103,13 @@ def test_weight_zero_takes_a_point_out(world: Similarity) -> None:
     assert np.abs(fit_similarity(x, y).shift - world.shift).max() > 1.0
 
 
-def test_no_other_similarity_nearby_fits_noisy_points_better(world: Similarity) -> None:
+@pytest.mark.parametrize("mirror", [np.eye(3), MIRROR_Z], ids=["same hand", "mirrored"])
+def test_no_other_similarity_nearby_fits_noisy_points_better(
+    world: Similarity, mirror: Float
+) -> None:
     rng = RNG(6)
     x = rng.normal(size=(15, 3))
-    y = world.apply(x) + rng.normal(size=x.shape)
+    y = world.apply(x @ mirror) + rng.normal(size=x.shape)
     best = fit_similarity(x, y)
 
     def cost(s: Similarity) -> float:

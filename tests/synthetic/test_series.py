@@ -18,6 +18,7 @@ import tifffile
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.synthetic import SynthesizeOptions, example_options, synthesize
+from semsfm_colmap.synthetic.detector import MEDIAN_GREY
 from semsfm_colmap.synthetic.rays import ray_scene, ray_tensor
 from semsfm_colmap.types import Array
 
@@ -56,7 +57,13 @@ def grain(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("field")
     options = replace(
-        SMALL, scene="field", step_deg=None, range_deg=100.0, image_format="tif", counts=0.0
+        SMALL,
+        scene="field",
+        step_deg=None,
+        range_deg=100.0,
+        image_format="tif",
+        counts=0.0,
+        gain_change=0.0,
     )
     synthesize(path, options)
     return path
@@ -154,6 +161,16 @@ def test_the_field_fills_every_frame(field: Path) -> None:
     # Without noise the empty chamber has a grey value of about 255 BACKGROUND = 11.
     for file in sorted((field / "images").iterdir()):
         assert tifffile.imread(file)[:128].min() > 20
+
+
+def test_the_exposure_is_that_of_the_series_so_that_tilt_shows_as_brightness(field: Path) -> None:
+    tilted, flat, _ = (
+        np.median(tifffile.imread(file)[:128]) for file in sorted((field / "images").iterdir())
+    )
+    # The first image, at 50 degrees, is exposed to middle grey, to within what the beam profile
+    # makes of the median; the flat one stays below it.
+    assert abs(tilted / 255.0 - MEDIAN_GREY) < 0.04
+    assert flat < 0.9 * tilted
 
 
 def test_stalk_and_ribbon_leave_the_image_and_the_specimen_does_not(

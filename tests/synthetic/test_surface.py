@@ -59,6 +59,16 @@ def test_the_thickness_of_a_plate_is_found_from_both_of_its_sides() -> None:
     assert np.all(np.isinf(found[4:]))
 
 
+def test_a_body_buried_in_another_does_not_make_it_thin() -> None:
+    vertices, faces = geodesic_sphere(8)
+    mesh = merged([(vertices, faces), (0.5 * vertices, faces)])
+    specimen = specimen_of(mesh)
+    found = thickness(specimen, surface_normals(specimen), ray_scene(*mesh))
+    num = len(vertices)
+    assert np.all(np.isinf(found[:num]))
+    np.testing.assert_allclose(found[num:], 1.0, rtol=0.02)
+
+
 def test_smoothing_keeps_constants_and_lowers_a_peak() -> None:
     _, faces = geodesic_sphere(4)
     ones = np.ones(162)
