@@ -223,6 +223,10 @@ def _tiff_header(path: Path) -> ImageHeader:
                 pages.append(tiff.pages[index])
             except IndexError:
                 break
+            except Exception:  # a damaged later page does not spoil the first one
+                if not pages:
+                    raise
+                break
         if not pages:
             raise UnreadableImageError("the TIFF holds no image.")
         best = _full_size_page(pages)
@@ -235,7 +239,14 @@ def _tiff_header(path: Path) -> ImageHeader:
             channels=int(page.samplesperpixel),
             page=best,
             num_pages=len(pages),
+            orientation=_tiff_orientation(page),
         )
+
+
+def _tiff_orientation(page: Any) -> int:
+    tag = page.tags.get(274)
+    value = int(tag.value) if tag is not None and isinstance(tag.value, int) else 1
+    return value if 1 <= value <= 8 else 1
 
 
 def _full_size_page(pages: list[Any]) -> int:

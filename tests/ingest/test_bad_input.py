@@ -309,6 +309,37 @@ def test_an_orientation_asked_for_by_the_file_is_obeyed_and_said(good: Path) -> 
     assert np.corrcoef(written.ravel(), np.rot90(texture(9), -1).ravel())[0, 1] > 0.98
 
 
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_every_orientation_is_undone_as_pillow_does(good: Path, orientation: int) -> None:
+    from PIL import ImageOps
+
+    from semsfm_colmap.ingest.raster import read_pixels
+
+    path = save(
+        good / "turned.tif", texture(9), metadata=None,
+        extratags=[(274, 3, 1, orientation, True)],
+    )  # fmt: skip
+    ours = read_pixels(path, read_header(path, 10**9)).pixels
+    plain = Image.fromarray(texture(9))
+    plain.getexif()[274] = orientation
+    np.testing.assert_array_equal(ours, np.asarray(ImageOps.exif_transpose(plain)))
+
+
+def test_a_damaged_second_page_does_not_spoil_the_first(good: Path) -> None:
+    import tifffile
+
+    path = good / "pages.tif"
+    with tifffile.TiffWriter(path) as tiff:
+        tiff.write(texture(9))
+        tiff.write(texture(8))
+    with tifffile.TiffFile(path) as tiff:
+        offset = tiff.pages[1].offset
+    content = bytearray(path.read_bytes())
+    content[offset : offset + 2] = b"\xff\xff"
+    path.write_bytes(bytes(content))
+    assert prepare(good).names[-1] == "pages.tif"
+
+
 def test_hidden_files_are_no_images(good: Path) -> None:
     save(good / "x.png", texture(9)).rename(good / "._good0.png")
     assert find_images(good).names == ("good0.png", "good1.png", "good2.png")
