@@ -1,0 +1,1 @@
+"""Region detectors and descriptors, behind one registry (`features.registry`)."""

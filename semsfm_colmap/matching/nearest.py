@@ -1,0 +1,169 @@
+"""Exact mutual nearest neighbours with Lowe's ratio, for descriptors of any kind.
+
+All distances are computed: blocks of ``|a|^2 + |b|^2 - 2 a.b`` by matrix multiplication, in whose
+rows and columns the two smallest are kept. Nothing larger than a block is stored. For integer
+descriptors (COLMAP's uint8) of up to 2^24 / 255^2 = 258 dimensions the products are exact in
+float32.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from semsfm_colmap.errors import UsageError
+from semsfm_colmap.types import Array, Float, Int
+
+BLOCK_BYTES = 32 << 20
+"""Largest block of distances: fits beside others in memory, and is big enough for BLAS."""
+MAX_THREADS = 8
+"""Threads that search a block; beyond that memory is the limit."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NearestMatches:
+    """Matches of two descriptor sets, ordered by the index in the first."""
+
+    keypoints: Int
+    """(L, 2) indices"""
+    distance: Float
+    """(L,) Euclidean"""
+    ratio: Float
+    """(L,) nearest to second nearest distance, the larger of both directions; 0 for no second"""
+
+
+def match_nearest(
+    descriptors1: Array,
+    descriptors2: Array,
+    *,
+    max_ratio: float = 0.8,
+    mutual: bool = True,
+    max_distance: float = np.inf,
+    num_threads: int = 0,
+) -> NearestMatches:
+    """Match each descriptor of the first set to its nearest one in the second.
+
+    Parameters
+    ----------
+    descriptors1, descriptors2 : (K1, D), (K2, D)
+    max_ratio : nearest to second nearest distance must be below this; in both directions with
+        `mutual`; 1 or more switches it off
+    mutual : each must be the other's nearest
+    num_threads : 0 takes all processors
+
+    """
+    a, b = _checked(descriptors1), _checked(descriptors2)
+    if a.shape[1] != b.shape[1]:
+        raise UsageError(f"{a.shape=} and {b.shape=}: descriptors of different kinds")
+    if not len(a) or not len(b):
+        return NearestMatches(
+            keypoints=np.zeros((0, 2), dtype=np.int64), distance=np.zeros(0), ratio=np.zeros(0)
+        )
+    forward, backward = nearest_two(a, b, num_threads=num_threads)
+    first = np.arange(len(a))
+    second = forward.index
+    keep = forward.best <= np.float32(max_distance) ** 2
+    ratio = _ratio(forward)
+    if mutual:
+        keep &= backward.index[second] == first
+        ratio = np.maximum(ratio, _ratio(backward)[second])
+    if max_ratio < 1.0:
+        keep &= ratio < max_ratio
+    first, second = first[keep], second[keep]
+    # once more without the cancellation of |a|^2 + |b|^2 - 2 a.b
+    difference = a[first].astype(np.float64) - b[second]
+    return NearestMatches(
+        keypoints=np.column_stack([first, second]),
+        distance=np.sqrt(np.einsum("ld,ld->l", difference, difference)),
+        ratio=ratio[keep],
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NearestTwo:
+    """For each of K descriptors the nearest in the other set: squared distances, float32."""
+
+    index: Int
+    best: Array
+    second: Array
+    """inf where the other set has one element"""
+
+
+def nearest_two(a: Array, b: Array, *, num_threads: int = 0) -> tuple[NearestTwo, NearestTwo]:
+    """Nearest and second nearest in both directions.
+
+    Ties go to the smaller index. Blocks of rows are multiplied by BLAS, which uses its own
+    threads, then searched by ours.
+    """
+    from semsfm_colmap.matching.nearest_kernels import search_block
+
+    threads = min(num_threads or os.cpu_count() or 1, MAX_THREADS)
+    n1, n2 = len(a), len(b)
+    norm1 = np.einsum("kd,kd->k", a, a)
+    norm2 = np.einsum("kd,kd->k", b, b)
+    rows = max(64, min(n1, BLOCK_BYTES // (4 * n2)))
+    index1, best1, second1 = _empty(n1)
+    # one set of column results a thread, merged at the end
+    columns = [_empty(n2) for _ in range(threads)]
+    product = np.empty((min(rows, n1), n2), dtype=np.float32)
+    with ThreadPoolExecutor(threads) as pool:
+        for begin in range(0, n1, rows):
+            end = min(begin + rows, n1)
+            block = product[: end - begin]
+            np.matmul(a[begin:end], b.T, out=block)
+            edges = np.linspace(0, end - begin, threads + 1).astype(int)
+            jobs = [
+                pool.submit(
+                    search_block,
+                    block[low:high],
+                    norm1[begin + low : begin + high],
+                    norm2,
+                    begin + low,
+                    index1[begin + low : begin + high],
+                    best1[begin + low : begin + high],
+                    second1[begin + low : begin + high],
+                    *columns[t],
+                )
+                for t, (low, high) in enumerate(zip(edges[:-1], edges[1:], strict=True))
+                if high > low
+            ]
+            for job in jobs:
+                job.result()
+    return (
+        NearestTwo(index=index1, best=best1, second=second1),
+        _merged(columns),
+    )
+
+
+def _checked(descriptors: Array) -> Array:
+    if descriptors.ndim != 2:
+        raise UsageError(f"{descriptors.shape=} but expected (K, D)")
+    return np.ascontiguousarray(descriptors, dtype=np.float32)
+
+
+def _empty(n: int) -> tuple[Int, Array, Array]:
+    index = np.full(n, -1, dtype=np.int64)
+    return index, np.full(n, np.inf, dtype=np.float32), np.full(n, np.inf, dtype=np.float32)
+
+
+def _merged(columns: list[tuple[Int, Array, Array]]) -> NearestTwo:
+    """Nearest two of several partial searches."""
+    index, best, second = (part.copy() for part in columns[0])
+    for index_t, best_t, second_t in columns[1:]:
+        better = (best_t < best) | ((best_t == best) & (index_t >= 0) & (index_t < index))
+        second = np.where(better, np.minimum(best, second_t), np.minimum(second, best_t))
+        index = np.where(better, index_t, index)
+        best = np.where(better, best_t, best)
+    return NearestTwo(index=index, best=best, second=second)
+
+
+def _ratio(nearest: NearestTwo) -> Float:
+    """Ratio of distances; 1 for a tie at zero, 0 where there is no second."""
+    best, second = nearest.best.astype(np.float64), nearest.second.astype(np.float64)
+    ratio = np.ones(len(best))
+    positive = second > 0.0
+    ratio[positive] = np.sqrt(best[positive] / second[positive])
+    return ratio
