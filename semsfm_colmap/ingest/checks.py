@@ -9,7 +9,8 @@ from pathlib import Path
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.ingest.files import IMAGE_SUFFIXES
 from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.ingest.scan import abbreviate, check_crop
+from semsfm_colmap.ingest.scan import check_crop
+from semsfm_colmap.ingest.wording import abbreviate
 from semsfm_colmap.types import SemFrame
 
 MIN_IMAGES = 3

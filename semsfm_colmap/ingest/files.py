@@ -61,7 +61,7 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
             name = Path(folder, file).relative_to(image_path).as_posix()
             reason = _why_not(Path(folder, file), name)
             if reason:
-                warnings.append(f"{_printable(name)}: {reason}")
+                warnings.append(f"{_shown(name)}: {reason}")
             else:
                 names.append(name)
     return FoundImages(
@@ -96,12 +96,7 @@ def _why_not(path: Path, name: str) -> str | None:
     return None
 
 
-def _printable(name: str) -> str:
-    return (
-        name.encode("utf-8", "backslashreplace")
-        .decode("utf-8")
-        .encode("unicode_escape")
-        .decode("ascii")
-        if not name.isprintable()
-        else name
-    )
+def _shown(name: str) -> str:
+    """A name that may hold anything, fit for a message."""
+    text = name.encode("utf-8", "backslashreplace").decode("utf-8")
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -16,8 +16,9 @@ from semsfm_colmap.ingest.foreground import MIN_TEXTURE_KEPT, find_foreground, t
 from semsfm_colmap.ingest.masks import given_mask
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.overlay import Overlay
-from semsfm_colmap.ingest.scan import SourceImage, abbreviate
+from semsfm_colmap.ingest.scan import SourceImage
 from semsfm_colmap.ingest.static import find_static, reduced
+from semsfm_colmap.ingest.wording import abbreviate
 from semsfm_colmap.types import Array, Bool
 
 

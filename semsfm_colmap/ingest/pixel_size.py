@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semsfm_colmap.ingest.scan import abbreviate
+from semsfm_colmap.ingest.wording import abbreviate
 from semsfm_colmap.types import SemFrame
 
 SAME_MAGNIFICATION = 0.005

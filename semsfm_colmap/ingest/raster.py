@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.ingest.wording import one_line
 from semsfm_colmap.types import Array, Float
 
 MAX_PAGES = 32
@@ -152,8 +153,7 @@ def suffix_matches(path: Path, header: ImageHeader) -> bool:
 
 
 def _short(error: Exception) -> str:
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text if len(text) <= 120 else text[:117] + "..."
+    return one_line(str(error)) or type(error).__name__
 
 
 @contextmanager

@@ -30,6 +30,7 @@ from semsfm_colmap.ingest.raster import (
     suffix_matches,
 )
 from semsfm_colmap.ingest.scalebar import find_scale_bar
+from semsfm_colmap.ingest.wording import abbreviate
 from semsfm_colmap.types import Array
 
 MIN_SIDE_PX = 32
@@ -253,10 +254,3 @@ def _size_warnings(images: Sequence[SourceImage]) -> list[str]:
                 f"{width} x {height}; kept, check that they belong to the series."
             )
     return warnings
-
-
-def abbreviate(names: Sequence[str], limit: int = 3) -> str:
-    """``a, b, c and 5 more``."""
-    if len(names) <= limit:
-        return ", ".join(names)
-    return f"{', '.join(names[:limit])} and {len(names) - limit} more"

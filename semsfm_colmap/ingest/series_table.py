@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.ingest.wording import abbreviate, one_line
 
 COLUMNS = ("tilt_deg", "rotation_deg", "displacement_um", "pixel_size_um")
 MAX_TABLE_BYTES = 16 << 20
@@ -92,14 +93,14 @@ def read_series_table(path: Path) -> SeriesTable:
     header = [name.strip().lower() for name in cells[0]]
     if "image" not in header:
         raise UsageError(
-            f"{path} has the columns {', '.join(header)} but needs one named image, and any of "
+            f"{path} has the columns {abbreviate(header, 6)} but needs one named image, and any of "
             f"{', '.join(COLUMNS)}."
         )
     unknown = [name for name in header if name and name not in (*COLUMNS, "image")]
     warnings = []
     if unknown:
         warnings.append(
-            f"{path.name}: column {', '.join(unknown)} is not known and not used; known are "
+            f"{path.name}: column {abbreviate(unknown, 6)} is not known and not used; known are "
             f"{', '.join(COLUMNS)}."
         )
     rows = [
@@ -109,7 +110,7 @@ def read_series_table(path: Path) -> SeriesTable:
     names = [row.image for row in rows]
     twice = next((name for name in names if names.count(name) > 1), None) if rows else None
     if twice is not None:
-        raise UsageError(f"{path} has two lines for {twice}; keep one.")
+        raise UsageError(f"{path} has two lines for {one_line(twice)}; keep one.")
     return SeriesTable(path=path, rows=tuple(rows), warnings=tuple(warnings))
 
 
@@ -117,10 +118,10 @@ def match_table(table: SeriesTable, names: Sequence[str]) -> tuple[dict[str, Ser
     """The rows by image name, and sentences about lines and images without partner."""
     found = table.match(names)
     if not found:
+        first = one_line(table.rows[0].image) if table.rows else "nothing"
         raise InputError(
             f"none of the images named in {table.path} is in the image folder; the first line "
-            f"names {table.rows[0].image if table.rows else 'nothing'}, the first image is "
-            f"{names[0]}."
+            f"names {first}, the first image is {names[0]}."
         )
     used = {row.image for row in found.values()}
     warnings = list(table.warnings)
@@ -129,8 +130,7 @@ def match_table(table: SeriesTable, names: Sequence[str]) -> tuple[dict[str, Ser
     for kind, those in (("has lines for images that are not there", extra),
                         ("has no line for", missing)):  # fmt: skip
         if those:
-            shown = ", ".join(those[:3]) + (f" and {len(those) - 3} more" if len(those) > 3 else "")
-            warnings.append(f"{table.path.name} {kind}: {shown}.")
+            warnings.append(f"{table.path.name} {kind}: {abbreviate(those)}.")
     return found, warnings
 
 
@@ -143,15 +143,16 @@ def _row(path: Path, line: int, cells: dict[str, str], *, decimal_comma: bool) -
         text = (cells.get(column) or "").strip()
         if not text:
             continue
+        said = repr(text[:40])
         try:
             value = float(text.replace(",", ".") if decimal_comma else text)
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise UsageError(f"{path}, line {line}: {column} is {text[:40]!r}, not a number.")
+            raise UsageError(f"{path}, line {line}: {column} is {said}, not a number.")
         if column == "pixel_size_um" and value <= 0:
-            raise UsageError(f"{path}, line {line}: {column} is {text[:40]} but must be positive.")
+            raise UsageError(f"{path}, line {line}: {column} is {said} but must be positive.")
         if column.endswith("_deg") and abs(value) > 720:
-            raise UsageError(f"{path}, line {line}: {column} is {text[:40]}, no angle in degrees.")
+            raise UsageError(f"{path}, line {line}: {column} is {said}, no angle in degrees.")
         values[column] = value
     return SeriesRow(image=name, **values)

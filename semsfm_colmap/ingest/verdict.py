@@ -11,7 +11,7 @@ import numpy as np
 from semsfm_colmap.ingest.checks import MIN_IMAGES
 from semsfm_colmap.ingest.overlap import Overlap, ReducedFeatures, find_overlap
 from semsfm_colmap.ingest.pixel_size import SAME_MAGNIFICATION
-from semsfm_colmap.ingest.scan import abbreviate
+from semsfm_colmap.ingest.wording import abbreviate
 
 GOOD_IMAGES = 5
 """Three views determine a shape but cannot be checked; from five on errors show."""

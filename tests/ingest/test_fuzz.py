@@ -16,6 +16,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from semsfm_colmap.errors import UsageError
 from semsfm_colmap.ingest.metadata.registry import read_tags
 from semsfm_colmap.ingest.raster import ImageHeader
 from semsfm_colmap.ingest.series_table import read_series_table
@@ -102,6 +103,30 @@ def test_a_table_may_name_an_image_dot(tmp_path: Path) -> None:
     path = tmp_path / "s.csv"
     path.write_text("image,tilt_deg\n.,1\n..,2\n/,3\n")
     assert read_series_table(path).match(["a.tif", "b/c.tif"]) == {}
+
+
+def test_line_breaks_in_a_table_stay_out_of_messages(tmp_path: Path) -> None:
+    path = tmp_path / "s.csv"
+    for text in ('"ima\nge",b\n1,2\n', '"image","a\nb"\nx,1\n', 'image\n"a\nb"\n"a\nb"\n'):
+        path.write_text(text)
+        try:
+            sentences = read_series_table(path).warnings
+        except UsageError as error:
+            sentences = (str(error),)
+        assert sentences
+        for sentence in sentences:
+            assert "\n" not in sentence
+
+
+def test_escape_sequences_of_a_header_do_not_reach_the_terminal() -> None:
+    tag = b"[System]\rSystemType=Q\x1b[2Juanta\x07\r[Scan]\rPixelWidth=2e-8\r"
+    reading = read_tags({vendor.FEI_HELIOS: tag}, HEADER)
+    assert reading is not None
+    assert reading.metadata.instrument == "Q [2Juanta"
+    xml = b"<a>\x1b[31m</b>"
+    reading = read_tags({vendor.FEI_XML: xml}, HEADER)
+    assert reading is not None
+    assert all(warning.isprintable() for warning in reading.warnings)
 
 
 def test_a_tiff_whose_directories_form_a_ring_ends(tmp_path: Path) -> None:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from semsfm_colmap.ingest.wording import one_line
 from semsfm_colmap.types import SemMetadata
+
+MAX_SENTENCE = 400
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,13 +44,15 @@ class Collector:
 
     def put(self, field_name: str, value: Any, source: str) -> None:
         """Keep a value unless it is None or the field has one."""
+        if isinstance(value, str):
+            value = one_line(value) or None
         if value is not None and field_name not in self.values:
             self.values[field_name] = value
             self.source[field_name] = source
 
     def warn(self, sentence: str) -> None:
         """Note something the user should know about this file."""
-        self.warnings.append(sentence)
+        self.warnings.append(one_line(sentence, MAX_SENTENCE))
 
     def reading(self) -> MetadataReading:
         """What was collected."""

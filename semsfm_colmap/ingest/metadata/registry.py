@@ -18,6 +18,7 @@ from semsfm_colmap.ingest.metadata.tags import (
 )
 from semsfm_colmap.ingest.metadata.text import decode
 from semsfm_colmap.ingest.raster import ImageHeader
+from semsfm_colmap.ingest.wording import one_line
 
 EXPECTED = {
     "pixel_size_um": "pixel size",
@@ -42,7 +43,7 @@ def read_metadata(path: Path, header: ImageHeader) -> MetadataReading:
         tags = read_raw_tags(path, header.page) if header.format == "tiff" else {}
         reading = read_tags(tags, header)
     except Exception as error:  # a hostile directory may raise anything
-        problem = f"the TIFF tags cannot be read ({error})"
+        problem = f"the TIFF tags cannot be read ({one_line(str(error))})"
     if reading is None:
         reading = read_sidecar(path, header)
     if reading is None and header.format == "tiff":
