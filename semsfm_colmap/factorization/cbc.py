@@ -23,21 +23,50 @@ from scipy.sparse.linalg import splu
 
 from semsfm_colmap.factorization.blocks import Block, tied_groups
 from semsfm_colmap.factorization.options import FactorizationOptions
-from semsfm_colmap.types import AffineModel, Float, Int, Solution
+from semsfm_colmap.types import AffineModel, Bool, Float, Int, Solution
 
+MOST = 0.8
+"""Share of a block's tracks within the threshold above which no RANSAC is needed."""
 DENSE_EIGEN_LIMIT = 3000
 """Up to so many rows the eigenvectors come from a dense decomposition."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockBasis:
-    """What a block says of its cameras: row basis U (2 m, 3), weight, inliers, mean (2 m,)."""
+    """What a block says of its cameras: row basis U (2 m, 3), weight, support, mean (2 m,)."""
 
     images: Int
     U: Float
     weight: float
-    inlier: Float
+    num_tracks: int
     mean: Float
+
+
+def leading_basis(M: Float) -> tuple[Float, Float, Float]:
+    """Row mean (2 m,), left singular vectors and singular values of the centred M (2 m, n).
+
+    From the eigenvectors of the small matrix ``M M^T``; only their leading three matter.
+    """
+    mean = M.mean(axis=1)
+    centred = M - mean[:, None]
+    values, vectors = np.linalg.eigh(centred @ centred.T)
+    return mean, vectors[:, ::-1], np.sqrt(np.maximum(values[::-1], 0.0))
+
+
+def subspace_error(M: Float, mean: Float, U: Float) -> Float:
+    """Squared distance of each column of M to the affine subspace ``mean + span(U)``: (n,)."""
+    D = M - mean[:, None]
+    projected = U.T @ D
+    return np.asarray(np.sum(D * D, axis=0) - np.sum(projected * projected, axis=0))
+
+
+def ransac_support(M: Float, limit: float, trials: int, rng: np.random.Generator) -> Bool:
+    """Columns that agree with the best of `trials` subspaces through four random columns each."""
+    pick = rng.random((trials, M.shape[1])).argpartition(4, axis=1)[:, :4]
+    corners = M[:, pick].transpose(1, 0, 2)  # (trials, rows, 4)
+    Q, _ = np.linalg.qr(corners[:, :, 1:] - corners[:, :, :1])
+    supports = [subspace_error(M, corners[k, :, 0], Q[k]) < limit for k in range(trials)]
+    return max(supports, key=np.count_nonzero)
 
 
 def block_basis(
@@ -45,47 +74,41 @@ def block_basis(
 ) -> BlockBasis | None:
     """Row basis of one block, from the tracks that agree on it.
 
-    Random subspaces through four tracks are tried, the one with the most supporting tracks wins,
-    and the SVD of its supporters, twice repeated, gives basis and singular values. None when fewer
-    than `min_block_tracks` agree or the block does not have rank three.
+    When the SVD of all tracks has most of them within the threshold, the others are trimmed; else
+    random subspaces through four tracks are tried and the one with the most supporters wins. None
+    when fewer than `min_block_tracks` agree or the block does not have rank three.
     """
     M = block.M
     rows, n = M.shape
-    trials = options.block_ransac_trials
-    best = np.ones(n, dtype=bool)
-    if trials > 0 and n > 4:
-        pick = rng.random((trials, n)).argpartition(4, axis=1)[:, :4]
-        corners = M[:, pick].transpose(1, 0, 2)  # (trials, rows, 4)
-        Q, _ = np.linalg.qr(corners[:, :, 1:] - corners[:, :, :1])
-        count = np.empty(trials, dtype=np.int64)
-        limit = options.block_ransac_threshold_px**2 * (rows / 2)
-        supports = []
-        for k in range(trials):
-            D = M - corners[k, :, :1]
-            error = np.einsum("rn,rn->n", D, D) - np.einsum("cn,cn->n", *(2 * [Q[k].T @ D]))
-            supports.append(error < limit)
-            count[k] = int(np.sum(supports[-1]))
-        best = supports[int(np.argmax(count))]
+    inlier = np.ones(n, dtype=bool)
+    limit = options.block_ransac_threshold_px**2 * (rows / 2)
+    robust = options.block_ransac_trials > 0 and n > 4
+    if robust:
+        mean, U, _ = leading_basis(M)
+        inlier = subspace_error(M, mean, U[:, :3]) < limit
+        if np.mean(inlier) < MOST:
+            inlier = ransac_support(M, limit, options.block_ransac_trials, rng)
     for _ in range(2):
-        if np.sum(best) < max(options.min_block_tracks, 4):
+        if np.sum(inlier) < max(options.min_block_tracks, 4):
             return None
-        mean = M[:, best].mean(axis=1)
-        U, s, _ = np.linalg.svd(M[:, best] - mean[:, None], full_matrices=False)
-        D = M - mean[:, None]
-        error = np.einsum("rn,rn->n", D, D) - np.einsum("cn,cn->n", *(2 * [U[:, :3].T @ D]))
-        if trials > 0:
-            best = error < options.block_ransac_threshold_px**2 * (rows / 2)
-    if s[2] <= 1e-9 * s[0]:
+        mean, U, s = leading_basis(M[:, inlier])
+        if robust:
+            inlier = subspace_error(M, mean, U[:, :3]) < limit
+    if s[2] <= 1e-6 * s[0]:
         return None
     weight = 1.0
     if options.block_weights == "signal_to_noise":
-        rest = s[3 : min(rows, int(np.sum(best)))]
+        rest = s[3 : min(rows, int(np.sum(inlier)))]
         noise = float(np.mean(rest**2)) if len(rest) else 0.0
         # per track, so that the noise floor is a variance in px^2; 1e-4 px is below any detector
-        noise = max(noise, 1e-8 * float(np.sum(best)))
+        noise = max(noise, 1e-8 * float(np.sum(inlier)))
         weight = float(s[2] ** 2 / noise)
     return BlockBasis(
-        images=block.images, U=U[:, :3], weight=weight, inlier=best.astype(float), mean=mean
+        images=block.images,
+        U=U[:, :3],
+        weight=weight,
+        num_tracks=int(np.sum(inlier)),
+        mean=mean,
     )
 
 
@@ -167,7 +190,7 @@ def joint_translation(bases: list[BlockBasis], A: Float) -> Float:
     row = 0
     for k, basis in enumerate(bases):
         idx = (2 * basis.images[:, None] + np.arange(2)).ravel()
-        w = np.sqrt(np.sum(basis.inlier))
+        w = np.sqrt(basis.num_tracks)
         local = row + np.arange(len(idx))
         rows += [local, np.repeat(local, 3)]
         cols += [idx, np.tile(n + 3 * k + np.arange(3), len(idx))]

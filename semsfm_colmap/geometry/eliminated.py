@@ -75,6 +75,9 @@ class SolverOptions:
     """Give up after so many steps."""
     cost_tolerance: float = 1e-10
     """Converged when an accepted step lowers the cost by less than this share."""
+    absolute_tolerance: float = 0.0
+    """Converged when an accepted step lowers the cost by less than this. With the true noise as
+    unit the cost is a chi square: a fall by d moves no parameter by more than sqrt(d) sigma."""
     gradient_tolerance: float = 1e-12
     """Converged when the gradient, scaled by the Hessian's diagonal, falls below this."""
     initial_damping: float = 1e-4
@@ -290,7 +293,8 @@ def minimise(
         predicted = float(-2.0 * (g @ step) - step @ (H @ step))
         gain = (state.cost - trial.cost) / max(predicted, 1e-300)
         if trial.cost < state.cost:
-            converged = (state.cost - trial.cost) <= options.cost_tolerance * state.cost
+            fall = state.cost - trial.cost
+            converged = fall <= max(options.cost_tolerance * state.cost, options.absolute_tolerance)
             state = trial
             costs.append(state.cost)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -127,7 +128,7 @@ def nearest_two(a: Array, b: Array, *, num_threads: int = 0) -> tuple[NearestTwo
                     second1[begin + low : begin + high],
                     *columns[t],
                 )
-                for t, (low, high) in enumerate(zip(edges[:-1], edges[1:], strict=True))
+                for t, (low, high) in enumerate(pairwise(edges))
                 if high > low
             ]
             for job in jobs:

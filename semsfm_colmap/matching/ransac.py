@@ -23,6 +23,10 @@ from semsfm_colmap.geometry.epipolar import (
 )
 from semsfm_colmap.types import Bool, Float, Solution
 
+BATCH = 100
+"""Samples scored at once."""
+CLEAR_SHARE = 0.6
+"""A share of inliers that ends the search: 100 samples then miss with probability 1e-6."""
 NUM_REFINED = 5
 """Samples that are locally optimised."""
 SHRINK = (3.0, 2.0, 1.5, 1.0, 1.0)
@@ -87,12 +91,19 @@ def find_affine_fundamental(
     data = np.column_stack([xy1, xy2])
     centre = data.mean(axis=0)
     centred = data - centre
-    pick = rng.integers(0, L, size=(trials, 4))
-    n, e = hyperplanes_from_samples(centred[pick])
-    distance2 = (centred @ n.T + e) ** 2  # (L, T)
     limit = max_error_px**2
-    cost = np.minimum(distance2, limit).sum(axis=0)
-    cost[~np.any(n != 0.0, axis=1)] = np.inf
+    n, e, cost = np.zeros((0, 4)), np.zeros(0), np.zeros(0)
+    while len(cost) < trials:
+        pick = rng.integers(0, L, size=(min(BATCH, trials - len(cost)), 4))
+        normal, offset = hyperplanes_from_samples(centred[pick])
+        distance2 = (centred @ normal.T + offset) ** 2  # (L, BATCH)
+        truncated = np.minimum(distance2, limit).sum(axis=0)
+        truncated[~np.any(normal != 0.0, axis=1)] = np.inf
+        n, e = np.concatenate([n, normal]), np.concatenate([e, offset])
+        cost = np.concatenate([cost, truncated])
+        # a share w of inliers makes a batch without a clean sample as rare as (1 - w^4)^BATCH
+        if np.min(cost) < (1.0 - CLEAR_SHARE) * L * limit:
+            break
     best: tuple[float, Float, Bool] | None = None
     for k in np.argsort(cost, kind="stable")[:NUM_REFINED]:
         F = fundamental_from_hyperplane(n[k], float(e[k]))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions
-from semsfm_colmap.geometry.points import residuals, track_pointer
+from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
 from semsfm_colmap.geometry.tracks import keep_tracks
 from semsfm_colmap.geometry.triangulation import triangulate_tracks, triangulation_angle
 from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
@@ -28,8 +28,12 @@ from semsfm_colmap.types import (
     Solution,
 )
 
+CHI_SQUARE_TOLERANCE = 1e-3
+"""A step that lowers chi square by less moves no parameter by more than 3 % of its sigma."""
 EARLY_ITERATIONS = 8
 """Steps of the bundle adjustment in all rounds but the last: enough to move before refiltering."""
+TAIL = 4.5
+"""Gaussian noise in two coordinates exceeds this many sigma once in 25,000 times."""
 MIN_SIGMA_PX = 0.02
 """No real measurement is better; keeps the balance with the priors finite on exact data."""
 
@@ -67,16 +71,24 @@ class Refined:
     model: BundleModel
 
 
-def noise_sigma(r: Array, num_points: int, num_images: int) -> float:
-    """Standard deviation per coordinate from residuals (O, 2), robust, corrected for the fit.
+def noise_sigma(r: Array, track_length: Int, num_images: int) -> float:
+    """Standard deviation per coordinate from residuals (O, 2), corrected for the fit.
 
-    A fit with u unknowns to n numbers leaves residuals smaller by sqrt((n - u) / n).
+    A fit with u unknowns to n numbers leaves residuals whose squares sum to (n - u) sigma^2: 3 of
+    the 2 k numbers of a track of k observations go into its point, 6 an image into the cameras.
+    Residuals beyond TAIL robust standard deviations have no say.
+
+    Parameters
+    ----------
+    track_length : (O,) observations of the track of each residual
     """
-    n = r.size
-    unknowns = 3 * num_points + 6 * num_images
-    share = max((n - unknowns) / n, 0.05)
-    mad = float(np.median(np.abs(r)))
-    return max(1.4826 * mad / np.sqrt(share), MIN_SIGMA_PX)
+    camera_share = 6.0 * num_images / r.size
+    share = np.maximum(1.0 - 1.5 / np.maximum(track_length, 2) - camera_share, 0.05)
+    norm2 = np.sum(r * r, axis=1)
+    # the median of a Rayleigh distribution is sqrt(2 ln 2) sigma
+    first = np.sqrt(np.median(norm2 / share) / (2.0 * np.log(2.0)))
+    good = norm2 < (TAIL * max(first, 1e-12)) ** 2
+    return max(float(np.sqrt(norm2[good].sum() / (2.0 * share[good].sum()))), MIN_SIGMA_PX)
 
 
 def select_inliers(
@@ -157,11 +169,10 @@ def _adjust(
     used, tracks = keep_tracks(local, inlier, min_length=options.min_track_length)
     pointer = track_pointer(used.track_idx, used.num_tracks)
     P, t = cameras.projection, np.asarray(cameras.translation_px)
-    from semsfm_colmap.geometry.points import solve_points
-
     X = np.nan_to_num(solve_points(P, t, used.image_idx, pointer, used.xy, np.ones(len(used))))
     r = residuals(P, t, X, used.image_idx, used.track_idx, used.xy)
-    sigma = noise_sigma(r, used.num_tracks, len(images))
+    length = np.diff(pointer)[used.track_idx]
+    sigma = noise_sigma(r, length, len(images))
     result = bundle_adjust(
         cameras,
         used,
@@ -188,7 +199,7 @@ def _adjust(
         points=X,
         observations=used,
         inlier=full,
-        sigma_px=noise_sigma(state.residuals, used.num_tracks, len(images)),
+        sigma_px=noise_sigma(state.residuals, length, len(images)),
         residuals=state.residuals,
         state=state,
         model=result.diagnostics["model"],
@@ -266,10 +277,11 @@ def refine(
     fit: _Fit | None = None
     thresholds = list(options.filter_thresholds_px)
     for k, threshold in enumerate([*thresholds, thresholds[-1]]):
-        last = k >= len(thresholds) - 1
+        last = k == len(thresholds)
         solver = SolverOptions(
             max_iterations=options.max_iterations if last else EARLY_ITERATIONS,
-            cost_tolerance=1e-9 if last else 1e-4,
+            cost_tolerance=1e-10 if last else 1e-4,
+            absolute_tolerance=CHI_SQUARE_TOLERANCE,
             loss=options.loss,
             loss_width=options.loss_width,
         )
