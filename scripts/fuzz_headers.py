@@ -88,8 +88,9 @@ def fuzz_sidecar(data: bytes) -> None:
 
 def fuzz_file(data: bytes) -> None:
     """Bytes as an image file: header, metadata and pixels."""
+    from semsfm_colmap.ingest.header import UnreadableImageError
     from semsfm_colmap.ingest.metadata import read_metadata
-    from semsfm_colmap.ingest.raster import UnreadableImageError, read_header, read_pixels
+    from semsfm_colmap.ingest.raster import read_header, read_pixels
 
     with tempfile.TemporaryDirectory(dir=scratch()) as folder:
         path = Path(folder, "a.tif")
@@ -156,7 +157,7 @@ TABLE = (
 
 def header() -> Any:
     """A plausible image to go with a header text."""
-    from semsfm_colmap.ingest.raster import ImageHeader
+    from semsfm_colmap.ingest.header import ImageHeader
 
     return ImageHeader(format="tiff", width=1024, height=943, bits=8, channels=1)
 

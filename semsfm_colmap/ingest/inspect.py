@@ -13,6 +13,7 @@ from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.checks import check_options, no_images_message
 from semsfm_colmap.ingest.convert import to_grey8
 from semsfm_colmap.ingest.files import find_images
+from semsfm_colmap.ingest.header import ImageHeader, UnreadableImageError
 from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.overlap import (
@@ -24,7 +25,7 @@ from semsfm_colmap.ingest.overlap import (
 )
 from semsfm_colmap.ingest.overrides import apply_scale_bar, apply_table
 from semsfm_colmap.ingest.quality import FrameQuality, judge, measure
-from semsfm_colmap.ingest.raster import ImageHeader, UnreadableImageError, read_header
+from semsfm_colmap.ingest.raster import read_header
 from semsfm_colmap.ingest.scan import SourceImage, choose_crops, scan_image
 from semsfm_colmap.ingest.series_table import read_series_table
 from semsfm_colmap.ingest.verdict import Answer, answer_all, drifted, strangers

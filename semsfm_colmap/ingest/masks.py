@@ -8,8 +8,9 @@ import numpy as np
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.ingest.files import MASKS_FOLDER
+from semsfm_colmap.ingest.header import UnreadableImageError
 from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.ingest.raster import UnreadableImageError, read_header, read_pixels
+from semsfm_colmap.ingest.raster import read_header, read_pixels
 from semsfm_colmap.ingest.scan import SourceImage
 from semsfm_colmap.types import Bool
 

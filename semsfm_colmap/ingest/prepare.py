@@ -22,6 +22,7 @@ from semsfm_colmap.ingest.checks import (
 from semsfm_colmap.ingest.convert import to_grey8
 from semsfm_colmap.ingest.files import find_images
 from semsfm_colmap.ingest.frame_masks import SeriesMasks
+from semsfm_colmap.ingest.header import UnreadableImageError
 from semsfm_colmap.ingest.masks import find_masks_folder
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.output import (
@@ -33,7 +34,7 @@ from semsfm_colmap.ingest.output import (
 from semsfm_colmap.ingest.overrides import apply_scale_bar, apply_table
 from semsfm_colmap.ingest.pixel_size import series_pixel_size
 from semsfm_colmap.ingest.prepare_pixels import changes_pixels, prepare_pixels
-from semsfm_colmap.ingest.raster import RawImage, UnreadableImageError, read_pixels
+from semsfm_colmap.ingest.raster import RawImage, read_pixels
 from semsfm_colmap.ingest.scan import Progress, SourceImage, choose_crops, scan_images
 from semsfm_colmap.ingest.series_file import (
     SERIES_FILE,

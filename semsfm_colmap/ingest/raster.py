@@ -6,7 +6,6 @@ height are known to be below the limit, so that a hostile or broken header takes
 
 from __future__ import annotations
 
-import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,13 +16,15 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.ingest.header import ImageHeader, UnreadableImageError
+from semsfm_colmap.ingest.tiff import decode_tiff, tiff_header
 from semsfm_colmap.ingest.wording import one_line
 from semsfm_colmap.types import Array, Float
 
-MAX_PAGES = 32
-"""Pages of a TIFF looked at to find the first full-size one."""
 LUMA = (0.299, 0.587, 0.114)
 """Rec. 601 weights; they sum to 1, so that grey stored as RGB comes out unchanged."""
+MAX_DEFLATE = 1100
+"""Deflate shrinks data by 1032 at most."""
 SUFFIXES = {
     "png": (".png",),
     "jpeg": (".jpg", ".jpeg"),
@@ -39,26 +40,6 @@ _MAGIC = (
     (b"MM\x00+", "tiff"),
     (b"BM", "bmp"),
 )
-
-
-class UnreadableImageError(InputError):
-    """One file cannot be used; the message is the sentence to show, without the file's name."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ImageHeader:
-    """What the header of a file says about its pixels."""
-
-    format: str
-    width: int
-    height: int
-    bits: int
-    channels: int
-    page: int = 0
-    """The page of a TIFF that holds the image."""
-    num_pages: int = 1
-    orientation: int = 1
-    """EXIF orientation; 1 = as stored."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,7 +71,7 @@ def read_header(path: Path, max_pixels: int) -> ImageHeader:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            header = _tiff_header(path) if kind == "tiff" else _pillow_header(path, kind)
+            header = tiff_header(path) if kind == "tiff" else _pillow_header(path, kind)
     except InputError:
         raise
     except Exception as error:  # a hostile header may raise anything
@@ -110,8 +91,10 @@ def read_pixels(path: Path, header: ImageHeader) -> RawImage:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            if header.format == "png":
+                _check_amount(path, header)
             if header.format == "tiff":
-                array, plain = _decode_tiff(path, header)
+                array, plain = decode_tiff(path, header), False
             elif header.format == "png" and header.bits == 16:
                 array, plain = _decode_png16(path), False
             else:
@@ -188,6 +171,16 @@ def _pillow_header(path: Path, kind: str) -> ImageHeader:
         )
 
 
+def _check_amount(path: Path, header: ImageHeader) -> None:
+    """Refuse a PNG that promises more pixels than its bytes can hold."""
+    size = path.stat().st_size
+    if size * MAX_DEFLATE < header.width * header.height * header.bits / 8:
+        raise UnreadableImageError(
+            f"{size} bytes cannot hold {header.width} x {header.height} pixels; the file is "
+            "damaged or truncated."
+        )
+
+
 def _decode_pillow(path: Path, header: ImageHeader) -> tuple[Array, bool]:
     with _pillow_image(path, header.format) as image:
         image.load()
@@ -205,84 +198,6 @@ def _decode_png16(path: Path) -> Array:
     import imagecodecs
 
     return np.asarray(imagecodecs.png_decode(path.read_bytes()))
-
-
-def open_tiff(path: Path) -> Any:
-    """A tifffile.TiffFile that keeps its complaints about broken tags to itself."""
-    import tifffile
-
-    logging.getLogger("tifffile").setLevel(logging.CRITICAL)
-    return tifffile.TiffFile(path)
-
-
-def _tiff_header(path: Path) -> ImageHeader:
-    with open_tiff(path) as tiff:
-        pages = []
-        for index in range(MAX_PAGES):
-            try:
-                pages.append(tiff.pages[index])
-            except IndexError:
-                break
-            except Exception:  # a damaged later page does not spoil the first one
-                if not pages:
-                    raise
-                break
-        if not pages:
-            raise UnreadableImageError("the TIFF holds no image.")
-        best = _full_size_page(pages)
-        page = pages[best]
-        return ImageHeader(
-            format="tiff",
-            width=int(page.imagewidth),
-            height=int(page.imagelength),
-            bits=int(page.bitspersample),
-            channels=int(page.samplesperpixel),
-            page=best,
-            num_pages=len(pages),
-            orientation=_tiff_orientation(page),
-        )
-
-
-def _tiff_orientation(page: Any) -> int:
-    tag = page.tags.get(274)
-    value = int(tag.value) if tag is not None and isinstance(tag.value, int) else 1
-    return value if 1 <= value <= 8 else 1
-
-
-def _full_size_page(pages: list[Any]) -> int:
-    """The first page that is neither marked as reduced nor smaller than another one."""
-    area = [
-        0 if page.is_reduced else int(page.imagewidth) * int(page.imagelength) for page in pages
-    ]
-    return int(np.argmax(area))
-
-
-def _decode_tiff(path: Path, header: ImageHeader) -> tuple[Array, bool]:
-    with open_tiff(path) as tiff:
-        page = tiff.pages[header.page]
-        if int(page.imagedepth) != 1:
-            raise UnreadableImageError("the TIFF holds a volume, not an image.")
-        stored = int(sum(page.databytecounts))
-        array = np.asarray(page.asarray(maxworkers=1))
-        if stored == 0:
-            raise UnreadableImageError("the TIFF holds no pixels.")
-        if array.ndim == 3 and int(page.planarconfig) == 2:
-            array = np.moveaxis(array, 0, -1)
-        photometric = int(page.photometric)
-        if photometric == 3 and page.colormap is not None:
-            return _apply_palette(array, np.asarray(page.colormap)), False
-        if array.dtype == np.bool_:
-            array = array.astype(np.uint8) * 255
-        if photometric == 0 and array.dtype.kind == "u":
-            array = np.iinfo(array.dtype).max - array
-        return array, False
-
-
-def _apply_palette(index: Array, colormap: Array) -> Array:
-    """Colours (3, 2^bits) of 16 bits looked up and reduced to 8."""
-    if colormap.ndim != 2 or index.max(initial=0) >= colormap.shape[1]:
-        raise UnreadableImageError("the TIFF's palette is shorter than its pixel values.")
-    return np.asarray((colormap.astype(np.uint16) >> 8).astype(np.uint8).T[index])
 
 
 def _to_grey(array: Array) -> Array:

@@ -17,18 +17,12 @@ from semsfm_colmap.ingest.databar import (
     looks_drawn,
     to_levels,
 )
+from semsfm_colmap.ingest.header import ImageHeader, UnreadableImageError
 from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.overlay import ConstantPixels, Overlay, find_overlay
 from semsfm_colmap.ingest.prepare_pixels import changes_pixels
-from semsfm_colmap.ingest.raster import (
-    ImageHeader,
-    RawImage,
-    UnreadableImageError,
-    read_header,
-    read_pixels,
-    suffix_matches,
-)
+from semsfm_colmap.ingest.raster import RawImage, read_header, read_pixels, suffix_matches
 from semsfm_colmap.ingest.scalebar import find_scale_bar
 from semsfm_colmap.ingest.wording import abbreviate
 from semsfm_colmap.types import Array

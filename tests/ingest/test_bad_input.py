@@ -18,9 +18,10 @@ from PIL import Image
 
 from semsfm_colmap.errors import InputError, SemSfmError, UsageError
 from semsfm_colmap.ingest.files import find_images
+from semsfm_colmap.ingest.header import UnreadableImageError
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.prepare import prepare_series
-from semsfm_colmap.ingest.raster import UnreadableImageError, read_header
+from semsfm_colmap.ingest.raster import read_header
 from semsfm_colmap.types import SemSeries
 
 from . import vendor_files as vendor
@@ -134,6 +135,35 @@ def test_the_limit_on_pixels_can_be_raised_and_lowered(good: Path) -> None:
     with pytest.raises(InputError, match=r"none of the 3 images .* more than the limit of 100"):
         prepare(good, replace(OPTIONS, max_image_pixels=100))
     assert len(prepare(good, replace(OPTIONS, max_image_pixels=10**12)).frames) == 3
+
+
+@pytest.mark.parametrize("make", [png_header, tiff_header])
+def test_a_header_that_promises_more_than_the_file_can_hold_takes_no_memory(
+    good: Path, make
+) -> None:  # type: ignore[no-untyped-def]
+    name = "bad.png" if make is png_header else "bad.tif"
+    (good / name).write_bytes(make(15_000, 15_000))
+    tracemalloc.start()
+    series = prepare(good)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert_left_out(series, name, "bytes cannot hold 15000 x 15000 pixels")
+    assert peak < 50e6
+
+
+def test_a_tiff_of_65535_channels_takes_no_memory(good: Path) -> None:
+    import tifffile
+
+    path = save(good / "bad.tif", texture(9))
+    with tifffile.TiffFile(path, mode="r+b") as tiff:
+        tiff.pages[0].tags[277].overwrite(65535)
+    tracemalloc.start()
+    series = prepare(good)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert series.names == ("good0.png", "good1.png", "good2.png")
+    assert any(w.startswith("bad.tif: ") for w in series.warnings)
+    assert peak < 50e6
 
 
 @pytest.mark.parametrize("make", [png_header, tiff_header])

@@ -17,8 +17,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.ingest.header import ImageHeader
 from semsfm_colmap.ingest.metadata.registry import read_tags
-from semsfm_colmap.ingest.raster import ImageHeader
 from semsfm_colmap.ingest.series_table import read_series_table
 
 from . import vendor_files as vendor

@@ -28,9 +28,9 @@ FIELDS = [
     "stage_rotation_deg", "scan_rotation_deg", "working_distance_um", "beam_energy_kev",
     "magnification", "instrument", "detector", "tilt_corrected", "warnings",
 ]  # fmt: skip
-HEIGHT, WIDTH = 400, 500
+HEIGHT, WIDTH = 300, 380
 SURFACE = cv2.GaussianBlur(
-    np.random.default_rng(3).normal(size=(HEIGHT, WIDTH)).astype(np.float32), (0, 0), 25
+    np.random.default_rng(3).normal(size=(HEIGHT, WIDTH)).astype(np.float32), (0, 0), 20
 )
 SURFACE *= 25 / SURFACE.std()
 ALBEDO = sum(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 
+from semsfm_colmap.ingest.header import ImageHeader
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.scale import stored_pixel_size
 from semsfm_colmap.ingest.metadata.tags import FEI_HELIOS, FEI_SFEG, FEI_XML
@@ -22,7 +23,6 @@ from semsfm_colmap.ingest.metadata.text import (
     read_sections,
 )
 from semsfm_colmap.ingest.metadata.xml import flatten_xml
-from semsfm_colmap.ingest.raster import ImageHeader
 
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9]{0,30}")
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 
+from semsfm_colmap.ingest.header import ImageHeader
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.scale import stored_pixel_size
 from semsfm_colmap.ingest.metadata.text import (
@@ -22,7 +23,6 @@ from semsfm_colmap.ingest.metadata.text import (
     positive,
     voltage_kev,
 )
-from semsfm_colmap.ingest.raster import ImageHeader
 
 SECTION = "SemImageFile"
 _RASTER = re.compile(r"(\d{1,6})\s*[xX*]\s*(\d{1,6})")

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 
+from semsfm_colmap.ingest.header import ImageHeader
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.scale import stored_pixel_size
 from semsfm_colmap.ingest.metadata.text import (
@@ -22,7 +23,6 @@ from semsfm_colmap.ingest.metadata.text import (
     positive,
     voltage_kev,
 )
-from semsfm_colmap.ingest.raster import ImageHeader
 
 _LINE = re.compile(r"\${1,2}((?:CM|SM|FE|GB|IP|PE)_[A-Z0-9_]{1,60})(?:\s+(.*))?")
 _AXIS = re.compile(r"([XYZRT])\s*=\s*([-+0-9.eE]{1,30})")

@@ -6,10 +6,10 @@ import os
 import stat
 from pathlib import Path
 
+from semsfm_colmap.ingest.header import ImageHeader
 from semsfm_colmap.ingest.metadata import hitachi, jeol, tescan
 from semsfm_colmap.ingest.metadata.reading import MetadataReading
 from semsfm_colmap.ingest.metadata.text import decode, read_sections
-from semsfm_colmap.ingest.raster import ImageHeader
 
 MAX_SIDECAR_BYTES = 1 << 20
 """Real ones have 1 to 20 kB."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 
+from semsfm_colmap.ingest.header import ImageHeader
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.scale import stored_pixel_size
 from semsfm_colmap.ingest.metadata.text import (
@@ -22,7 +23,6 @@ from semsfm_colmap.ingest.metadata.text import (
     positive,
     read_sections,
 )
-from semsfm_colmap.ingest.raster import ImageHeader
 
 SECTION_OF_TYPE = {2: "MAIN", 3: "SEM"}
 MAX_RECORDS = 64

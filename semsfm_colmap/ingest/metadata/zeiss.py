@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 
+from semsfm_colmap.ingest.header import ImageHeader
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.scale import stored_pixel_size
 from semsfm_colmap.ingest.metadata.tags import ZEISS
@@ -24,7 +25,6 @@ from semsfm_colmap.ingest.metadata.text import (
     positive,
     voltage_kev,
 )
-from semsfm_colmap.ingest.raster import ImageHeader
 
 DISPLAY_WIDTH = 1024
 """Pixels that ``AP_PIXEL_SIZE`` refers to."""

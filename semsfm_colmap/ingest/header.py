@@ -1,0 +1,27 @@
+"""What the header of an image file says, and the refusal of a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from semsfm_colmap.errors import InputError
+
+
+class UnreadableImageError(InputError):
+    """One file cannot be used; the message is the sentence to show, without the file's name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageHeader:
+    """What the header of a file says about its pixels."""
+
+    format: str
+    width: int
+    height: int
+    bits: int
+    channels: int
+    page: int = 0
+    """The page of a TIFF that holds the image."""
+    num_pages: int = 1
+    orientation: int = 1
+    """EXIF orientation; 1 = as stored."""
