@@ -1,15 +1,7 @@
 import numpy as np
 import pytest
 
-from semsfm_colmap.geometry.rotations import depth_reversed
 from semsfm_colmap.refinement.covariance import estimate_covariance
-from semsfm_colmap.refinement.depth_reversal import (
-    cue_from_points,
-    decide_depth_sign,
-    regions,
-    reverse_depth,
-    visibility_cues,
-)
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import noise_sigma, refine
 from semsfm_colmap.refinement.resection import resect
@@ -124,40 +116,3 @@ def test_resection_finds_the_camera_among_wrong_matches():
         s.points[:8], xy[:8], threshold_px=2.0, min_inliers=12, rng=np.random.default_rng(0)
     )
     assert few.status == "too_few_points"
-
-
-def test_a_body_has_the_hand_in_which_the_seen_side_is_near_and_its_twin_is_reversed():
-    s = body(num_images=30, range_deg=180)
-    sizes = np.full((30, 2), 1000)
-    for reverse in (False, True):
-        cameras, points = reverse_depth(s.cameras, s.points) if reverse else (s.cameras, s.points)
-        cues = visibility_cues(cameras, points, s.observations, sizes)
-        sign, turn = decide_depth_sign(cues, 0.95)
-        assert turn is reverse
-        assert sign.status == "resolved"
-        assert sign.confidence > 0.99
-    assert np.allclose(
-        depth_reversed(np.array(reverse_depth(s.cameras, s.points)[0].cam_from_world)),
-        s.cameras.cam_from_world,
-    )
-
-
-def test_a_field_that_is_seen_everywhere_leaves_the_hand_open():
-    s = simulate_tracks(
-        num_images=7, range_deg=30, num_tracks=1000, body="field", rng=np.random.default_rng(3)
-    )
-    cues = visibility_cues(s.cameras, s.points, s.observations, np.full((7, 2), 1000))
-    sign, _ = decide_depth_sign(cues, 0.95)
-    assert sign.status == "ambiguous"
-    assert "both models" in sign.message
-
-
-def test_cues_of_pure_noise_are_rarely_confident():
-    rng = np.random.default_rng(5)
-    label = regions(rng.normal(size=(2000, 3)), 48)
-    probability = np.array(
-        [cue_from_points(rng.normal(size=2000), label).probability for _ in range(300)]
-    )
-    confidence = np.maximum(probability, 1 - probability)
-    assert np.mean(confidence > 0.95) < 0.01
-    assert cue_from_points(np.full(2000, np.nan), label).probability == 0.5

@@ -1,0 +1,86 @@
+"""All evidence together: one verdict, its confidence, and the user's word above it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from semsfm_colmap.errors import UsageError
+from semsfm_colmap.geometry.rotations import depth_reversed
+from semsfm_colmap.refinement.depth_reversal.cue import MAX_LOGIT, Cue
+from semsfm_colmap.types import DepthSign, Float, OrthographicCameras
+
+DepthSignWord = Literal["auto", "as_is", "reversed"]
+"""auto: the evidence decides, and both models are written where it does not; as_is: the user has
+looked and the model that auto puts first is right; reversed: it is the other one."""
+
+
+def reverse_depth(cameras: OrthographicCameras, points: Float) -> tuple[OrthographicCameras, Float]:
+    """The twin with the same images: ``R -> D R D``, ``X -> D X``."""
+    twin = replace(cameras, cam_from_world=depth_reversed(np.asarray(cameras.cam_from_world)))
+    return twin, points * np.array([1.0, 1.0, -1.0])
+
+
+def decide_depth_sign(cues: Mapping[str, Cue], min_confidence: float) -> tuple[DepthSign, bool]:
+    """Fuse the cues into a verdict; True when the model at hand must be reversed.
+
+    The log odds are added: their factors were fitted jointly, so that what the cues have in common
+    is counted once; where they contradict each other they cancel.
+    """
+    total = float(np.clip(sum(cue.logit for cue in cues.values()), -MAX_LOGIT, MAX_LOGIT))
+    reverse = total < 0.0
+    confidence = float(1.0 / (1.0 + np.exp(-abs(total))))
+    evidence = {
+        name: (1.0 - c.probability if reverse else c.probability) for name, c in cues.items()
+    }
+    resolved = confidence >= min_confidence
+    detail = ", ".join(f"{name} {p:.3f}" for name, p in evidence.items()) or "no evidence"
+    known = "known tilt" in cues and cues["known tilt"].probability != 0.5
+    what = "visibility and the known tilt" if known else "visibility"
+    if resolved:
+        message = f"the hand is decided by {what} with confidence {confidence:.3f} ({detail})"
+    else:
+        message = (
+            f"{what} does not decide the hand (confidence {confidence:.3f}: {detail}); both "
+            "models are written; "
+            + ("your word" if known else "a known direction of the tilt, or your word,")
+            + " would settle it"
+        )
+    return (
+        DepthSign(
+            status="resolved" if resolved else "ambiguous",
+            confidence=confidence,
+            evidence=evidence,
+            message=message,
+        ),
+        reverse,
+    )
+
+
+def apply_user_word(sign: DepthSign, reverse: bool, word: DepthSignWord) -> tuple[DepthSign, bool]:
+    """The user's word stands above the evidence, which is kept beside it.
+
+    The word refers to what auto writes first, the model a person has looked at: "reversed" turns
+    the verdict of `decide_depth_sign` round. The solver's own hand is chance and means nothing.
+    """
+    if word == "auto":
+        return sign, reverse
+    if word not in ("as_is", "reversed"):
+        raise UsageError(f"depth_sign = {word!r} but expected auto, as_is or reversed.")
+    turned = word == "reversed"
+    evidence = {name: 1.0 - p if turned else p for name, p in sign.evidence.items()}
+    message = "the hand was given by the user"
+    if turned and sign.status == "resolved":
+        message += f", against evidence of confidence {sign.confidence:.3f} for the other one"
+    return (
+        DepthSign(
+            status="resolved",
+            confidence=1.0,
+            evidence={**evidence, "user": 1.0},
+            message=message,
+        ),
+        reverse != turned,
+    )
