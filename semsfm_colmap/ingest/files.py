@@ -11,6 +11,7 @@ from semsfm_colmap.errors import UsageError
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 MASKS_FOLDER = "masks"
+SERIES_FILE = "series.json"
 PROJECT_FOLDERS = ("images", "masks", "sparse", "dense", "mesh", "report")
 """What a project holds: never taken for a source when the project lies inside the image folder."""
 
@@ -48,6 +49,9 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
             continue
         seen.add((status.st_dev, status.st_ino))
         at_top = Path(folder) == image_path
+        if SERIES_FILE in files and not (at_top and not any(map(_is_image, files))):
+            # Another project lies here, with prepared copies of images.
+            folders[:] = [name for name in folders if name not in PROJECT_FOLDERS]
         folders[:] = sorted(
             name
             for name in folders
@@ -56,7 +60,7 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
             and Path(folder, name).resolve() not in skip
         )
         for file in files:
-            if file.startswith(".") or not file.lower().endswith(IMAGE_SUFFIXES):
+            if not _is_image(file):
                 continue
             name = Path(folder, file).relative_to(image_path).as_posix()
             reason = _why_not(Path(folder, file), name)
@@ -67,6 +71,10 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
     return FoundImages(
         root=image_path, names=tuple(natsorted(names)), warnings=tuple(sorted(warnings))
     )
+
+
+def _is_image(file: str) -> bool:
+    return not file.startswith(".") and file.lower().endswith(IMAGE_SUFFIXES)
 
 
 def check_image_path(image_path: Path) -> None:

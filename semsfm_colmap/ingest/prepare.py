@@ -20,7 +20,7 @@ from semsfm_colmap.ingest.checks import (
     series_warnings,
 )
 from semsfm_colmap.ingest.convert import to_grey8
-from semsfm_colmap.ingest.files import find_images
+from semsfm_colmap.ingest.files import SERIES_FILE, find_images
 from semsfm_colmap.ingest.frame_masks import SeriesMasks
 from semsfm_colmap.ingest.header import UnreadableImageError
 from semsfm_colmap.ingest.masks import find_masks_folder
@@ -37,7 +37,6 @@ from semsfm_colmap.ingest.prepare_pixels import changes_pixels, prepare_pixels
 from semsfm_colmap.ingest.raster import RawImage, read_pixels
 from semsfm_colmap.ingest.scan import Progress, SourceImage, choose_crops, scan_images
 from semsfm_colmap.ingest.series_file import (
-    SERIES_FILE,
     PreparationRecord,
     read_written_files,
     write_series,

@@ -15,7 +15,6 @@ from semsfm_colmap.types import SemFrame, SemMetadata, SemSeries
 
 FORMAT = "semsfm-series"
 VERSION = 1
-SERIES_FILE = "series.json"
 
 
 @dataclass(kw_only=True)

@@ -381,6 +381,16 @@ def test_a_project_inside_the_image_folder_is_not_read_back(good: Path) -> None:
     assert first.names == second.names == ("good0.png", "good1.png", "good2.png")
 
 
+def test_a_project_of_another_run_inside_the_image_folder_is_passed_by(good: Path) -> None:
+    prepare_series(good, good / "old", OPTIONS)
+    assert find_images(good).names == ("good0.png", "good1.png", "good2.png")
+    in_place = prepare_series(good, good, OPTIONS)
+    assert in_place.names == ("good0.png", "good1.png", "good2.png")
+    assert find_images(good).names == ("good0.png", "good1.png", "good2.png")
+    # A project alone is looked into: a person may inspect what was prepared.
+    assert len(find_images(good / "old").names) == 3
+
+
 def test_a_damaged_series_file_of_an_earlier_run_does_not_matter(good: Path) -> None:
     prepare(good)
     (good.parent / "project/series.json").write_text('{"format": "semsfm-series", "fra')
