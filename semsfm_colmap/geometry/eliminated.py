@@ -20,6 +20,7 @@ import numba
 import numpy as np
 from scipy import sparse
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from threadpoolctl import threadpool_limits
 
 from semsfm_colmap.geometry.losses import LossName, loss, weight
 from semsfm_colmap.geometry.points import (
@@ -33,6 +34,8 @@ from semsfm_colmap.types import Float, Int, Observations
 
 P = TypeVar("P")
 
+SINGLE_THREAD_LIMIT = 1500
+"""Up to so many parameters one BLAS thread is fastest."""
 DENSE_CHUNK_LIMIT = 3000
 """Above so many parameters the reduced system is accumulated in 2 copies, below in 4."""
 
@@ -255,7 +258,19 @@ def minimise(
 
     Observations must be sorted by track. Tracks whose rays do not fix a point have no say.
     """
-    options = options or SolverOptions()
+    # the reduced systems are small: more BLAS threads only wait for one another
+    threads = 1 if model.num_params < SINGLE_THREAD_LIMIT else None
+    with threadpool_limits(limits=threads, user_api="blas"):
+        return _minimise(model, params, observations, sigma_px, options or SolverOptions())
+
+
+def _minimise(
+    model: CameraModel[P],
+    params: P,
+    observations: Observations,
+    sigma_px: float,
+    options: SolverOptions,
+) -> Eliminated[P]:
     pointer = track_pointer(observations.track_idx, observations.num_tracks)
     ones = np.ones(len(observations))
     state: Eliminated[Any] = evaluate(model, params, observations, pointer, sigma_px, options, ones)

@@ -11,14 +11,28 @@ from typing import Any
 
 import numpy as np
 
+from semsfm_colmap.factorization.degeneracy import diagnose_rank
 from semsfm_colmap.factorization.factorize import factorize, find_parts
 from semsfm_colmap.factorization.options import FactorizationOptions
-from semsfm_colmap.geometry.rotations import MIRROR_Z, depth_reversed
-from semsfm_colmap.refinement.covariance import estimate_covariance
+from semsfm_colmap.geometry.eliminated import SolverOptions
+from semsfm_colmap.geometry.rotations import (
+    MIRROR_Z,
+    depth_reversed,
+    rotation_angle,
+    vector_from_rotation,
+)
+from semsfm_colmap.refinement.covariance import Covariance, estimate_covariance
 from semsfm_colmap.refinement.depth_reversal import (
     decide_depth_sign,
     reverse_depth,
     visibility_cues,
+)
+from semsfm_colmap.refinement.leave_one_out import leave_one_out
+from semsfm_colmap.refinement.model_choice import (
+    MAX_TRACKS,
+    compare_models,
+    thin_tracks,
+    total_rotation,
 )
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, refine
@@ -29,6 +43,8 @@ GAUGE = (
     "viewer), its origin is the centroid of the points; standard deviations are in the gauge of "
     "smallest total variance (inner constraints)"
 )
+SMALL_ROTATION_DEG = 15.0
+"""Below this total rotation the angle is seen in second order only."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,6 +85,14 @@ def map_observations(
     say = note or (lambda sentence: None)
     rng = np.random.default_rng(seed)
     parts = find_parts(observations, factorization)
+    longest = int(np.max(np.bincount(observations.track_idx), initial=0))
+    if not parts and longest == 2:
+        return Solution(
+            value=None,
+            status="tracks_of_length_two",
+            message="every track is seen in two images only, and two orthographic views leave a "
+            "one-parameter family of shapes; match more pairs so that three images share tracks",
+        )
     if not parts:
         return Solution(
             value=None,
@@ -80,6 +104,12 @@ def map_observations(
     mapped: list[MappedPart] = []
     failure: Solution[list[MappedPart]] | None = None
     for part in parts:
+        rank = diagnose_rank(part.blocks)
+        if rank.status != "ok":
+            failure = failure or Solution(
+                value=None, status=rank.status, message=rank.message, diagnostics=asdict(rank)
+            )
+            continue
         start = factorize(part, observations, factorization, rng)
         if start.value is None:
             failure = failure or Solution(
@@ -147,6 +177,7 @@ def finish(
     ).value
     cameras, points = refined.cameras, refined.points
     sizes = image_size_px[refined.images]
+    figures, notes = reliability(refined, covariance, options)
     cues = visibility_cues(cameras, points, refined.observations, sizes)
     sign, reverse = decide_depth_sign(cues, options.min_depth_sign_confidence)
     # gauge: origin at the centroid, axes of the first image, mean magnification 1 / pixel size
@@ -205,6 +236,8 @@ def finish(
         rounds=tuple(asdict(r) for r in refined.rounds),
         diagnostics={
             **diagnostics,
+            **figures,
+            "notes": notes,
             "sigma_px": refined.sigma_px,
             "depth_sign_cues": {
                 name: {"t": -c.t if reverse else c.t, "num_regions": c.num_regions}
@@ -212,6 +245,81 @@ def finish(
             },
         },
     )
+
+
+def reliability(
+    refined: Refined, covariance: Covariance | None, options: RefinementOptions
+) -> tuple[dict[str, Any], list[str]]:
+    """Total rotation with its error bar, the ladder of models, leave-one-out; and what they say."""
+    solver = SolverOptions(
+        loss=options.loss,
+        loss_width=options.loss_width,
+        cost_tolerance=1e-7,
+        absolute_tolerance=1e-2,
+        max_iterations=options.max_iterations,
+    )
+    sigma_deg = 0.0
+    range_deg = float(np.rad2deg(total_rotation(np.asarray(refined.cameras.cam_from_world))))
+    if covariance is not None:
+        sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, covariance)))
+    comparison = compare_models(
+        refined.cameras,
+        refined.observations,
+        scale_sigma=options.scale_sigma,
+        affine_sigma=options.affine_sigma,
+        sigma_px=refined.sigma_px,
+        range_sigma_rad=np.deg2rad(sigma_deg),
+        solver=solver,
+    )
+    jackknife = leave_one_out(
+        refined.cameras,
+        thin_tracks(refined.observations, MAX_TRACKS),
+        camera_model=options.camera_model,
+        scale_sigma=options.scale_sigma,
+        affine_sigma=options.affine_sigma,
+        sigma_px=refined.sigma_px,
+        solver=solver,
+    )
+    notes = []
+    if range_deg < SMALL_ROTATION_DEG:
+        notes.append(
+            f"the total rotation is only {range_deg:.2f} deg (sigma {sigma_deg:.2f}): angles and "
+            "depths are weakly determined; tilt further, or give the known tilt"
+        )
+    if comparison.depth_uncertainty > 0.01 and "disagree" in comparison.message:
+        notes.append(comparison.message)
+    figures: dict[str, Any] = {
+        "total_rotation_deg": range_deg,
+        "total_rotation_sigma_deg": sigma_deg,
+        "models": [asdict(rung) for rung in comparison.rungs],
+        "best_model": comparison.best,
+        "depth_uncertainty": comparison.depth_uncertainty,
+    }
+    if jackknife is not None:
+        figures["leave_one_out"] = {
+            "images": jackknife.images.tolist(),
+            "change_deg": jackknife.change_deg.tolist(),
+            "jackknife_deg": jackknife.jackknife_deg,
+        }
+    return figures, notes
+
+
+def total_rotation_sigma(refined: Refined, covariance: Covariance) -> float:
+    """Standard deviation of the angle between the two images furthest apart, in rad.
+
+    With ``R_ab = R_a R_b^T`` about the axis n a step (w_a, w_b) changes the angle by
+    ``n . (w_a - w_b)``.
+    """
+    R = np.asarray(refined.cameras.cam_from_world)
+    angles = rotation_angle(R @ R[0].T)
+    b = int(np.argmax(angles))
+    n = vector_from_rotation(R[b] @ R[0].T)
+    n = np.asarray(n / max(float(np.linalg.norm(n)), 1e-300))
+    g = np.zeros(len(covariance.cameras))
+    g[refined.model.param_idx[b, :3]] += n
+    g[refined.model.param_idx[0, :3]] -= n
+    variance = float(g @ covariance.cameras @ g)
+    return float(np.sqrt(max(variance, 0.0)))
 
 
 def reversed_twin(reconstruction: Reconstruction) -> Reconstruction:

@@ -262,7 +262,7 @@ def map_(project: Project, config: Config, reporter: Reporter) -> Summary:
         used |= set(reconstruction.image_names)
     remove_stale_models(project, len(models))
     main = solution.value[0]
-    notes = [main.reconstruction.depth_sign.message]
+    notes = [main.reconstruction.depth_sign.message, *main.diagnostics["notes"]]
     if main.twin is not None:
         notes.append(TWIN_NOTE.format(1, 0))
     lost = [name for name in series.names if name not in used]

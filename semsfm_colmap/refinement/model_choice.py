@@ -1,0 +1,168 @@
+"""The ladder of camera models: fit, compare, and say where they disagree.
+
+At a small total tilt a change of magnification looks like a change of angle (0.1 % shifts a tilt
+of 18 degrees by 3 %), so the magnification that a model allows decides the depth. No model is safe
+there. All rungs are fitted to the same inliers and compared by the Bayesian information criterion
+and by residuals at observations that the fit has not seen; where their total rotations differ by
+more than their error bars, depth is uncertain by that much, and it is said.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from semsfm_colmap.geometry.eliminated import SolverOptions
+from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
+from semsfm_colmap.geometry.rotations import rotation_angle
+from semsfm_colmap.geometry.tracks import keep_tracks
+from semsfm_colmap.refinement.bundle import bundle_adjust
+from semsfm_colmap.types import Bool, Float, Observations, OrthographicCameras
+
+LADDER = (
+    ("orthographic", "orthographic", 0.0),
+    ("scaled, prior", "scaled_orthographic", None),
+    ("scaled, free", "scaled_orthographic", 0.1),
+    ("affine", "affine", None),
+)
+"""Name, camera model, standard deviation of the magnifications (None: the prior's)."""
+HELD_OUT_EVERY = 10
+"""Every tenth observation of long tracks is held out."""
+MAX_TRACKS = 1500
+"""The comparison uses so many tracks at most, spread evenly: it is about cameras, not points."""
+DISAGREEMENT_SIGMAS = 3.0
+"""Models disagree when they differ by more than this many joint standard deviations."""
+MIN_DISAGREEMENT = 0.01
+"""Differences of the total rotation below one percent are not worth a sentence."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rung:
+    """One fitted model."""
+
+    name: str
+    range_deg: float
+    """largest rotation between two images"""
+    bic: float
+    held_out_px: float
+    """root median square residual per coordinate at observations the fit has not seen"""
+    num_parameters: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelComparison:
+    """The ladder, and whether it matters which rung one stands on."""
+
+    rungs: tuple[Rung, ...]
+    best: str
+    """name of the rung with the smallest BIC"""
+    depth_uncertainty: float
+    """relative spread of the total rotation over the rungs that the data do not rule out"""
+    message: str
+
+
+def total_rotation(R: Float) -> float:
+    """The largest rotation angle between two images, in rad, about any axis: (M, 3, 3) -> rad."""
+    step = max(len(R) // 60, 1)
+    thin = R[::step] if len(R) > 60 else R
+    relative = np.einsum("aij,bkj->abik", thin, thin)
+    return float(np.max(rotation_angle(relative)))
+
+
+def thin_tracks(observations: Observations, max_tracks: int) -> Observations:
+    """Every so-manieth track, so that at most `max_tracks` remain."""
+    if observations.num_tracks <= max_tracks:
+        return observations
+    chosen = np.zeros(observations.num_tracks, dtype=bool)
+    chosen[np.linspace(0, observations.num_tracks - 1, max_tracks).astype(int)] = True
+    return keep_tracks(observations, chosen[observations.track_idx])[0]
+
+
+def held_out_mask(observations: Observations) -> Bool:
+    """Observations to hold out: every tenth, in tracks that keep three others."""
+    length = np.bincount(observations.track_idx, minlength=observations.num_tracks)
+    long = length[observations.track_idx] >= 4
+    mask = np.zeros(len(observations), dtype=bool)
+    rows = np.flatnonzero(long)[::HELD_OUT_EVERY]
+    # at most one a track
+    _, first = np.unique(observations.track_idx[rows], return_index=True)
+    mask[rows[first]] = True
+    return mask
+
+
+def compare_models(
+    cameras: OrthographicCameras,
+    observations: Observations,
+    *,
+    scale_sigma: float,
+    affine_sigma: float,
+    sigma_px: float,
+    range_sigma_rad: float = 0.0,
+    solver: SolverOptions | None = None,
+) -> ModelComparison:
+    """Fit every rung of the ladder and compare.
+
+    Parameters
+    ----------
+    cameras : a converged fit, about 1 px per unit
+    observations : inliers, sorted by track
+    range_sigma_rad : error bar of the total rotation under the chosen model
+    """
+    obs = thin_tracks(observations, MAX_TRACKS)
+    out = held_out_mask(obs)
+    kept = obs.select(~out)
+    pointer = track_pointer(kept.track_idx, kept.num_tracks)
+    rungs = []
+    for name, model, sigma in LADDER:
+        start = cameras
+        if model == "orthographic":
+            start = replace(cameras, scale_px_per_unit=np.ones(len(cameras)), aspect=1.0, skew=0.0)
+        fit = bundle_adjust(
+            start,
+            kept,
+            camera_model=model,
+            scale_sigma=scale_sigma if sigma is None else sigma or scale_sigma,
+            affine_sigma=affine_sigma,
+            sigma_px=sigma_px,
+            solver=solver,
+        )
+        assert fit.value is not None
+        fitted, _ = fit.value
+        A, t = fitted.projection, np.asarray(fitted.translation_px)
+        X = np.nan_to_num(solve_points(A, t, kept.image_idx, pointer, kept.xy, np.ones(len(kept))))
+        held = obs.select(out)
+        r = residuals(A, t, X, held.image_idx, held.track_idx, held.xy)
+        free = fit.diagnostics["model"].num_params
+        rungs.append(
+            Rung(
+                name=name,
+                range_deg=float(np.rad2deg(total_rotation(np.asarray(fitted.cam_from_world)))),
+                bic=float(fit.costs[-1] + free * np.log(2 * len(kept))),
+                held_out_px=float(np.sqrt(np.median(r**2))) if len(held) else float("nan"),
+                num_parameters=free,
+            )
+        )
+    return judge(tuple(rungs), np.rad2deg(range_sigma_rad))
+
+
+def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:
+    """The best rung, the spread of the total rotation, and a sentence."""
+    best = min(rungs, key=lambda rung: rung.bic)
+    # a rung is ruled out when its held-out residuals are clearly worse than the best one's
+    least = min(rung.held_out_px for rung in rungs)
+    alive = [r for r in rungs if not r.held_out_px > 1.05 * least]
+    ranges = np.array([rung.range_deg for rung in alive])
+    spread = float(np.ptp(ranges) / max(np.mean(ranges), 1e-12))
+    limit = max(
+        MIN_DISAGREEMENT, DISAGREEMENT_SIGMAS * range_sigma_deg / max(float(np.mean(ranges)), 1e-12)
+    )
+    listed = ", ".join(f"{r.name} {r.range_deg:.2f}" for r in alive)
+    if spread > limit:
+        message = (
+            f"the camera models that fit disagree on the total rotation ({listed} deg): depth is "
+            f"uncertain by {100 * spread:.0f} %; a larger tilt or a known angle would settle it"
+        )
+    else:
+        message = f"the camera models agree on the total rotation to {100 * spread:.1f} %"
+    return ModelComparison(rungs=rungs, best=best.name, depth_uncertainty=spread, message=message)
