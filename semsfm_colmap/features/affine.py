@@ -16,6 +16,10 @@ from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.features.regions import Regions
 from semsfm_colmap.features.scale_space import ScaleSpace
 
+DERIVATIVE_SHARE = 0.5
+"""Smoothing under the derivatives, in scales of the region: the blur is round, and the more of it
+there is, the rounder every region looks."""
+
 
 def adapt(space: ScaleSpace, regions: Regions, options: DetectorOptions) -> Regions:
     """Regions with their affine shape; those that do not converge are dropped."""
@@ -24,7 +28,7 @@ def adapt(space: ScaleSpace, regions: Regions, options: DetectorOptions) -> Regi
     K = len(regions)
     shape = np.tile(np.eye(2), (K, 1, 1))
     good = np.zeros(K, dtype=bool)
-    octave, level = space.nearest_level(regions.scale_px)
+    octave, level = space.nearest_level(DERIVATIVE_SHARE * regions.scale_px)
     for o, s in sorted(set(zip(octave.tolist(), level.tolist(), strict=True))):
         rows = np.flatnonzero((octave == o) & (level == s))
         grid = space.octaves[o]

@@ -83,6 +83,7 @@ def scale_selected_maxima(
 
     """
     h, w = strength.shape
+    window = np.empty((3, 3))
     out = np.empty((1024, 5))
     count = 0
     for y in range(2, h - 2):
@@ -109,16 +110,21 @@ def scale_selected_maxima(
                 or strength[y + 1, x - 1] > v
             ):
                 continue
-            gx = 0.5 * (strength[y, x + 1] - strength[y, x - 1])
-            gy = 0.5 * (strength[y + 1, x] - strength[y - 1, x])
-            xx = strength[y, x + 1] + strength[y, x - 1] - 2.0 * v
-            yy = strength[y + 1, x] + strength[y - 1, x] - 2.0 * v
-            xy = 0.25 * (
-                strength[y + 1, x + 1]
-                - strength[y + 1, x - 1]
-                - strength[y - 1, x + 1]
-                + strength[y - 1, x - 1]
-            )
+            # the logarithm of a bump is closer to a parabola than the bump
+            lowest = v
+            for i in range(3):
+                for j in range(3):
+                    window[i, j] = strength[y + i - 1, x + j - 1]
+                    lowest = min(lowest, window[i, j])
+            if lowest > 0.05 * v:
+                for i in range(3):
+                    for j in range(3):
+                        window[i, j] = math.log(window[i, j])
+            gx = 0.5 * (window[1, 2] - window[1, 0])
+            gy = 0.5 * (window[2, 1] - window[0, 1])
+            xx = window[1, 2] + window[1, 0] - 2.0 * window[1, 1]
+            yy = window[2, 1] + window[0, 1] - 2.0 * window[1, 1]
+            xy = 0.25 * (window[2, 2] - window[2, 0] - window[0, 2] + window[0, 0])
             det = xx * yy - xy * xy
             dx, dy = 0.0, 0.0
             if det > 0.0 and xx < 0.0:
@@ -188,7 +194,7 @@ def scale_selected_edges(
             for e in range(2):
                 px = x + (2 * e - 1) * nx
                 py = y + (2 * e - 1) * ny
-                x0, y0 = int(math.floor(px)), int(math.floor(py))
+                x0, y0 = math.floor(px), math.floor(py)
                 fx, fy = px - x0, py - y0
                 ends[e] = (1.0 - fy) * ((1.0 - fx) * g[y0, x0] + fx * g[y0, x0 + 1]) + fy * (
                     (1.0 - fx) * g[y0 + 1, x0] + fx * g[y0 + 1, x0 + 1]

@@ -17,13 +17,13 @@ class DetectorOptions:
     """Most features of an image, spread evenly over it; 0 keeps all."""
     first_octave: int = 0
     """-1 doubles the image first: slower, finer regions."""
-    hessian_threshold: float = 0.02
+    hessian_threshold: float = 0.015
     """Smallest scale-normalised determinant of the Hessian."""
-    harris_threshold: float = 0.002
+    harris_threshold: float = 0.0005
     """Smallest scale-normalised Harris cornerness."""
     edge_threshold: float = 0.25
     """Smallest scale-normalised gradient of an edge point."""
-    laplacian_threshold: float = 0.15
+    laplacian_threshold: float = 0.1
     """Smallest scale-normalised Laplacian at the characteristic scale."""
     max_scale_px: float = 40.0
     """Largest characteristic scale."""
