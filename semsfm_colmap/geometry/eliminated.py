@@ -20,6 +20,7 @@ import numba
 import numpy as np
 from scipy import sparse
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.sparse.linalg import splu
 from threadpoolctl import threadpool_limits
 
 from semsfm_colmap.geometry.losses import LossName, loss, weight
@@ -34,6 +35,10 @@ from semsfm_colmap.types import Float, Int, Observations
 
 P = TypeVar("P")
 
+SPARSE_LIMIT = 1500
+"""Larger systems are tried as sparse ones."""
+MAX_SPARSE_DENSITY = 0.15
+"""Share of non-zeros up to which the sparse factorization is faster."""
 SINGLE_THREAD_LIMIT = 1500
 """Up to so many parameters one BLAS thread is fastest."""
 DENSE_CHUNK_LIMIT = 3000
@@ -199,6 +204,27 @@ def reduced_system(
     return H + H.T, g.sum(axis=0)
 
 
+def solve_damped(H: Float, damping: Float, g: Float) -> Float:
+    """Solve ``(H + diag(damping)) x = g`` for a positive definite H (n, n).
+
+    Dense Cholesky; a large H with few entries, as long series with short tracks have, is factorized
+    as a sparse matrix.
+    """
+    n = len(g)
+    if n > SPARSE_LIMIT:
+        A = sparse.csc_array(H)
+        if A.nnz < MAX_SPARSE_DENSITY * n * n:
+            A = sparse.csc_array(A + sparse.diags_array(damping, format="csc"))
+            factor = splu(A, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+            x = np.asarray(factor.solve(g))
+            if not np.isfinite(x).all():
+                raise LinAlgError("the damped system is singular")
+            return x
+    damped = H.copy()
+    damped[np.diag_indices_from(damped)] += damping
+    return np.asarray(cho_solve(cho_factor(damped, lower=True, overwrite_a=True), g))
+
+
 def evaluate(
     model: CameraModel[P],
     params: P,
@@ -289,10 +315,8 @@ def _minimise(
         ):
             converged = True
             break
-        damped = H.copy()
-        damped[np.diag_indices_from(damped)] += damping * diagonal
         try:
-            step = -cho_solve(cho_factor(damped, lower=True, overwrite_a=True), g)
+            step = -solve_damped(H, damping * diagonal, g)
         except LinAlgError:
             damping, growth = damping * growth, growth * 2.0
             continue
