@@ -25,6 +25,13 @@ regions agree by chance, t stays finite."""
 MAX_LOGIT = 9.0
 """No evidence claims more than 1 - 1e-4."""
 
+CONVEX_CUES = ("near side", "bulge")
+"""Cues that take a body to be convex as a whole."""
+CONVEX_MAX_LOGIT = 3.9
+"""Log odds of 0.98, the most that `CONVEX_CUES` may claim, each and together: about one body in
+fifty with background around it is hollow toward the viewer (cups, broken shells, craters whose
+surroundings have no texture). An assumption, not a fit."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cue:

@@ -10,7 +10,12 @@ import numpy as np
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.geometry.rotations import depth_reversed
-from semsfm_colmap.refinement.depth_reversal.cue import MAX_LOGIT, Cue
+from semsfm_colmap.refinement.depth_reversal.cue import (
+    CONVEX_CUES,
+    CONVEX_MAX_LOGIT,
+    MAX_LOGIT,
+    Cue,
+)
 from semsfm_colmap.types import DepthSign, Float, OrthographicCameras
 
 DepthSignWord = Literal["auto", "as_is", "reversed"]
@@ -24,13 +29,29 @@ def reverse_depth(cameras: OrthographicCameras, points: Float) -> tuple[Orthogra
     return twin, points * np.array([1.0, 1.0, -1.0])
 
 
+def fused_logit(logits: Mapping[str, float]) -> float:
+    """Log odds of the hand at hand from those of the cues.
+
+    They are added: their factors were fitted jointly, so that what the cues have in common is
+    counted once; where they contradict each other they cancel. Those that take the body to be
+    convex are wrong together, and bounded together.
+    """
+    convex = sum(x for name, x in logits.items() if name in CONVEX_CUES)
+    others = sum(x for name, x in logits.items() if name not in CONVEX_CUES)
+    bounded = np.clip(convex, -CONVEX_MAX_LOGIT, CONVEX_MAX_LOGIT)
+    return float(np.clip(bounded + others, -MAX_LOGIT, MAX_LOGIT))
+
+
 def decide_depth_sign(cues: Mapping[str, Cue], min_confidence: float) -> tuple[DepthSign, bool]:
     """Fuse the cues into a verdict; True when the model at hand must be reversed.
 
-    The log odds are added: their factors were fitted jointly, so that what the cues have in common
-    is counted once; where they contradict each other they cancel.
+    Parameters
+    ----------
+    cues : by name, for the model at hand
+    min_confidence : below it the hand counts as ambiguous
+
     """
-    total = float(np.clip(sum(cue.logit for cue in cues.values()), -MAX_LOGIT, MAX_LOGIT))
+    total = fused_logit({name: cue.logit for name, cue in cues.items()})
     reverse = total < 0.0
     confidence = float(1.0 / (1.0 + np.exp(-abs(total))))
     evidence = {

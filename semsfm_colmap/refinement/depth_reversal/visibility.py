@@ -2,16 +2,21 @@
 
 near side
     In the views that see it, a point lies nearer to the viewer than in the views that have it in
-    their field but do not see it. True of what is convex as a whole: it counts only for bodies
-    with background around them, and no more than hollow bodies are rare, for a dome and a bowl
-    seen from above differ by nothing but the hand.
+    their field but do not see it.
+bulge
+    What is seen of a body in one view is nearer in the middle than at the rim, since at its outline
+    a surface turns away.
 occlusion order
-    Where a point is not seen although it would face the viewer at least as well as in the views
-    that see it, something hides it: the surface seen at its place lies nearer. Without the
-    condition on facing the order misleads: at the rim of a bump the flank before the step is seen
-    edge-on and missed, the ground behind it is seen.
+    Where a point is not seen although it would face the viewer better than in the views that see
+    it, something hides it: the surface seen at its place lies nearer. Without the condition on
+    facing the order misleads: at the rim of a bump the flank before the step is seen edge-on and
+    missed, the ground behind it is seen.
 covered steps
-    The same without the condition, for steps so high that no flank explains them, on bodies.
+    The same without the condition, for steps so high that no flank explains them.
+
+The first two are true of what is convex as a whole. They count only for bodies with background
+around them, and together no more than hollow bodies are rare: a dome and a bowl seen from above
+differ by nothing but the hand. The other two rest on opaqueness alone.
 
 Facing is ``|n . d|``, n the normal of the plane through neighbouring points, d the viewing
 direction: even under reversal, as a condition must be. The t statistics change their sign exactly.
@@ -19,11 +24,14 @@ direction: even under reversal, as a condition must be. The t statistics change 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from semsfm_colmap.refinement.depth_reversal.cue import (
+    CONVEX_CUES,
+    CONVEX_MAX_LOGIT,
     MAX_LOGIT,
     Cue,
     cue_from_t,
@@ -33,12 +41,10 @@ from semsfm_colmap.refinement.depth_reversal.cue import (
 from semsfm_colmap.types import Bool, Float, Int, Observations, OrthographicCameras
 
 # fitted on simulated scenes: scripts/benchmark_depth_sign.py, table in docs/depth_reversal.md
-NEAR_LOGIT_PER_T = 0.8
-NEAR_MAX_LOGIT = 3.9
-"""Log odds of 0.98: about one body in fifty with background around it is hollow toward the viewer
-(cups, broken shells, craters whose surroundings have no texture). An assumption, not a fit."""
-ORDER_LOGIT_PER_T = 0.6
-STEPS_LOGIT_PER_T = 0.8
+NEAR_LOGIT_PER_T = 0.15
+BULGE_LOGIT_PER_T = 0.55
+ORDER_LOGIT_PER_T = 0.12
+STEPS_LOGIT_PER_T = 0.6
 
 NORMAL_NEIGHBOURS = 16
 """Neighbours that fix the plane at a point."""
@@ -51,6 +57,9 @@ ORDER_CELL = 0.6
 spacing of the seen points."""
 ORDER_STEP = 1.0
 """Smallest difference in depth that counts, in cells."""
+FACING_MARGIN = 0.05
+"""How much better than in the views that see it a point must face the viewer. Least biased of the
+margins tried on simulated fields, where 0 gave t down to -3 in the right hand."""
 STEPS_CELL = 1.0
 STEPS_STEP = 4.0
 """A step of four cells is a slope of 76 degrees within one: what is so steep is hardly detected."""
@@ -62,6 +71,20 @@ FREE_SHARE = 0.06
 """A side of an image is free when points stay so far, of its width, from it."""
 MIN_FREE_SIDES = 0.5
 """Share of sides that are free in views of a body: bodies on a stalk have 0.75, fields 0."""
+MAX_RIM_FACING = 0.88
+"""Facing of the seen points near their outline relative to that in the middle: 0.45 to 0.84 on nine
+in ten simulated bodies, above 0.9 on as many fields. Keeps a patch of a field, cut out by a mask
+or by focus, from passing for a body."""
+MIDDLE_SHARE, RIM_SHARE = 0.5, 0.15
+"""Parts of the seen points, by distance from their middle, that count as middle and as rim."""
+
+
+CUES = {
+    "near side": (NEAR_LOGIT_PER_T, CONVEX_MAX_LOGIT),
+    "bulge": (BULGE_LOGIT_PER_T, CONVEX_MAX_LOGIT),
+    "occlusion order": (ORDER_LOGIT_PER_T, MAX_LOGIT),
+    "covered steps": (STEPS_LOGIT_PER_T, MAX_LOGIT),
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,27 +125,22 @@ def visibility_cues(
 
     """
     if len(points) < MIN_POINTS:
-        return {name: silent() for name in ("near side", "occlusion order", "covered steps")}
+        return {name: silent() for name in CUES}
     views = _who_sees_what(cameras, points, observations, image_size_px, max_points, max_images)
-    spacing, free = _density(views)
-    near, num_near = region_t(_near_side(views), views.points)
-    facing_well = views.facing >= _mean_over(views.seen, views.facing)
-    order, num_order = region_t(
-        _order(views, facing_well, ORDER_CELL * spacing, ORDER_STEP), views.points
-    )
-    steps, num_steps = region_t(
-        _order(views, np.ones_like(facing_well), STEPS_CELL * spacing, STEPS_STEP), views.points
-    )
-    body = free >= MIN_FREE_SIDES
-    return {
-        "near side": cue_from_t(near, num_near, NEAR_LOGIT_PER_T, NEAR_MAX_LOGIT)
-        if body
-        else silent(near, num_near),
-        "occlusion order": cue_from_t(order, num_order, ORDER_LOGIT_PER_T, MAX_LOGIT),
-        "covered steps": cue_from_t(steps, num_steps, STEPS_LOGIT_PER_T, MAX_LOGIT)
-        if body
-        else silent(steps, num_steps),
+    spacing, body = _framing(views)
+    facing_well = views.facing > _mean_over(views.seen, views.facing) + FACING_MARGIN
+    value = {
+        "near side": _near_side(views),
+        "bulge": _bulge(views),
+        "occlusion order": _order(views, facing_well, ORDER_CELL * spacing, ORDER_STEP),
+        "covered steps": _order(views, views.inside, STEPS_CELL * spacing, STEPS_STEP),
     }
+    cues = {}
+    for name, (logit_per_t, max_logit) in CUES.items():
+        t, num = region_t(value[name], views.points)
+        speaks = body or name not in CONVEX_CUES
+        cues[name] = cue_from_t(t, num, logit_per_t, max_logit) if speaks else silent(t, num)
+    return cues
 
 
 def _who_sees_what(
@@ -178,19 +196,45 @@ def _mean_over(mask: Bool, value: Float) -> Float:
     return np.asarray(total / np.maximum(mask.sum(axis=0), 1))
 
 
-def _density(views: _Views) -> tuple[float, float]:
-    """Mean spacing of the points seen in a view, px, and the share of sides without points."""
-    spacing, free = [], []
-    for xy, seen, size in zip(views.xy, views.seen, views.image_size_px, strict=True):
-        if seen.sum() < MIN_VIEW_POINTS:
-            continue
-        low, left, right, high = np.percentile(xy[seen], [1, 5, 95, 99], axis=0)
+def _framing(views: _Views) -> tuple[float, bool]:
+    """Mean spacing of the points seen in a view, px, and whether the views show a body.
+
+    A body has background around it, and turns away from the viewer toward its outline.
+    """
+    spacing, free, middle, rim = [], [], [], []
+    for i, front in _seen_in_views(views):
+        xy, size = views.xy[i, front], views.image_size_px[i]
+        low, left, right, high = np.percentile(xy, [1, 5, 95, 99], axis=0)
         # the box of nine tenths in both directions holds about 0.81 of the points
-        spacing.append(np.sqrt(np.prod(right - left) / (0.81 * seen.sum())))
+        spacing.append(np.sqrt(np.prod(right - left) / (0.81 * len(front))))
         free += [*(low > FREE_SHARE * size), *(high < (1.0 - FREE_SHARE) * size)]
+        rank = np.argsort(_squared_distance(_planes(xy)), kind="stable")
+        facing = views.facing[i, front[rank]]
+        middle.append(facing[: int(MIDDLE_SHARE * len(front))].mean())
+        rim.append(facing[-int(RIM_SHARE * len(front)) :].mean())
     if not spacing:
-        return 0.0, 0.0
-    return float(np.median(spacing)), float(np.mean(free))
+        return 0.0, False
+    turns_away = float(np.mean(rim)) < MAX_RIM_FACING * float(np.mean(middle))
+    return float(np.median(spacing)), float(np.mean(free)) >= MIN_FREE_SIDES and turns_away
+
+
+def _seen_in_views(views: _Views) -> Iterator[tuple[int, Int]]:
+    """Every view that sees enough points, with the numbers of those it sees."""
+    for i, seen in enumerate(views.seen):
+        front = np.flatnonzero(seen)
+        if len(front) >= MIN_VIEW_POINTS:
+            yield i, front
+
+
+def _planes(xy: Float) -> Float:
+    """(L, 3) orthonormal basis of the functions ``a + b x + c y`` over points (L, 2)."""
+    centred = xy - xy.mean(axis=0)
+    return np.asarray(np.linalg.qr(np.column_stack([np.ones(len(xy)), centred]))[0])
+
+
+def _squared_distance(basis: Float) -> Float:
+    """(L,) squared Mahalanobis distance from the mean, of mean 2, from the basis of `_planes`."""
+    return np.asarray(np.sum(basis[:, 1:] ** 2, axis=1) * len(basis))
 
 
 def _near_side(views: _Views) -> Float:
@@ -210,6 +254,23 @@ def _near_side(views: _Views) -> Float:
     return np.where(both, value / (spread or 1.0), np.nan)
 
 
+def _bulge(views: _Views) -> Float:
+    """(N,) mean, over the views that see a point, of (squared distance from the middle) x (depth).
+
+    The squared distance is in standard deviations of the seen points (Mahalanobis), and both
+    factors are residuals of a plane over the image: a flat specimen gives zero however it leans.
+    """
+    num = len(views.points)
+    total, count = np.zeros(num), np.zeros(num)
+    for i, front in _seen_in_views(views):
+        basis = _planes(views.xy[i, front])
+        both = np.column_stack([_squared_distance(basis), views.depth[i, front]])
+        both -= basis @ (basis.T @ both)
+        total[front] += both[:, 0] * both[:, 1]
+        count[front] += 1.0
+    return np.where(count > 0, total / np.maximum(count, 1.0), np.nan)
+
+
 def _order(views: _Views, use: Bool, cell_px: float, step: float) -> Float:
     """(N,) in -1..1: mean sign of the depth of an unseen point less that of the surface seen there.
 
@@ -223,10 +284,9 @@ def _order(views: _Views, use: Bool, cell_px: float, step: float) -> Float:
     num = len(views.points)
     total, count = np.zeros(num), np.zeros(num)
     threshold = max(step * cell_px, MIN_STEP_PX)
-    for i in range(len(views.depth) if cell_px > 0.0 else 0):
-        front = np.flatnonzero(views.seen[i])
+    for i, front in _seen_in_views(views):
         hidden = np.flatnonzero(views.inside[i] & ~views.seen[i] & use[i])
-        if len(front) < MIN_VIEW_POINTS or len(hidden) == 0:
+        if len(hidden) == 0 or cell_px <= 0.0:
             continue
         low = views.xy[i, front].min(axis=0)
         shape = np.ceil(np.ptp(views.xy[i, front], axis=0) / cell_px).astype(np.int64) + 3
