@@ -16,9 +16,9 @@ from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.features.regions import Regions
 from semsfm_colmap.features.scale_space import ScaleSpace
 
-DERIVATIVE_SHARE = 0.5
-"""Smoothing under the derivatives, in scales of the region: the blur is round, and the more of it
-there is, the rounder every region looks."""
+DERIVATIVE_SHARE = 0.7
+"""Smoothing under the derivatives, in scales of the region. The blur is round, and the more of it
+there is, the rounder every region looks; 0.7 gave the most true matches at 20 degrees."""
 
 
 def adapt(space: ScaleSpace, regions: Regions, options: DetectorOptions) -> Regions:

@@ -151,19 +151,18 @@ def scale_selected_maxima(
 
 
 @numba.njit(nogil=True, cache=True)
-def scale_selected_edges(
-    image: Array,
-    sigma: float,
-    below: Array,
-    here: Array,
-    above: Array,
-    threshold: float,
-    laplacian_min: float,
-) -> Array:
-    """Edge points (gradient maximal along itself) at which the Laplacian is extremal over scale.
+def edge_points(image: Array, sigma: float, threshold: float) -> Array:
+    """Points where the gradient is maximal along itself [Canny 1986], refined by a parabola.
 
-    The position is refined along the gradient by a parabola. Same result as
-    `scale_selected_maxima`, the strength being ``sigma |grad L|``.
+    Parameters
+    ----------
+    image : (h, w) of deviation `sigma` px of this image
+    threshold : of the strength ``sigma |grad L|``
+
+    Returns
+    -------
+    (K, 3): x, y in px of this image, strength
+
     """
     h, w = image.shape
     g = np.zeros((h, w), dtype=np.float32)
@@ -173,24 +172,16 @@ def scale_selected_edges(
             gx = half * (image[y, x + 1] - image[y, x - 1])
             gy = half * (image[y + 1, x] - image[y - 1, x])
             g[y, x] = math.sqrt(gx * gx + gy * gy)
-    out = np.empty((1024, 5))
+    out = np.empty((1024, 3))
     count = 0
+    ends = np.empty(2)
     for y in range(2, h - 2):
         for x in range(2, w - 2):
             v = float(g[y, x])
             if v <= threshold:
                 continue
-            centre = here[y, x]
-            sign = 1.0 if centre > 0.0 else -1.0
-            mid = sign * centre
-            if mid < laplacian_min:
-                continue
-            low, high = sign * below[y, x], sign * above[y, x]
-            if low >= mid or high > mid:
-                continue
             nx = half * (image[y, x + 1] - image[y, x - 1]) / v
             ny = half * (image[y + 1, x] - image[y - 1, x]) / v
-            ends = np.empty(2)
             for e in range(2):
                 px = x + (2 * e - 1) * nx
                 py = y + (2 * e - 1) * ny
@@ -203,18 +194,12 @@ def scale_selected_edges(
                 continue
             bend = ends[0] + ends[1] - 2.0 * v
             shift = min(max(0.5 * (ends[0] - ends[1]) / bend, -0.5), 0.5) if bend < 0.0 else 0.0
-            curvature = low + high - 2.0 * mid
-            ds = 0.0
-            if curvature < 0.0:
-                ds = min(max(0.5 * (low - high) / curvature, -0.5), 0.5)
             if count == len(out):
-                bigger = np.empty((2 * count, 5))
+                bigger = np.empty((2 * count, 3))
                 bigger[:count] = out
                 out = bigger
             out[count, 0] = x + shift * nx
             out[count, 1] = y + shift * ny
-            out[count, 2] = ds
-            out[count, 3] = v
-            out[count, 4] = mid
+            out[count, 2] = v
             count += 1
     return out[:count]

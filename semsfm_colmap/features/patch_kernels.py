@@ -124,7 +124,7 @@ def orientations(patches: Array, num: int, peak_share: float) -> tuple[Array, Ar
             left, v, right = histogram[best - 1], histogram[best], histogram[(best + 1) % bins]
             bend = left + right - 2.0 * v
             shift = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
-            angles[k, m] = (best + shift) * (2.0 * math.pi / bins)
+            angles[k, m] = ((best + shift) % bins) * (2.0 * math.pi / bins)
             counts[k] = m + 1
         if counts[k] == 0:
             counts[k] = 1

@@ -47,6 +47,8 @@ def spread_evenly(regions: Regions, max_num: int, shape: tuple[int, int], cells:
     K = len(regions)
     if max_num <= 0 or max_num >= K:
         return np.arange(K)
+    # no more cells than half the features wanted, or strength alone would choose among the cells
+    cells = min(cells, max(int((max_num / 2.0) ** 0.5), 1))
     side = max(shape) / cells
     column, row = np.floor(regions.xy / side).astype(np.int64).T
     cell = (row * (cells + 2) + column) * 64 + regions.detector_id
@@ -59,18 +61,39 @@ def spread_evenly(regions: Regions, max_num: int, shape: tuple[int, int], cells:
 def not_duplicated(
     xy: Float, scale_px: Float, priority: Int, *, distance: float, scale_ratio: float
 ) -> Bool:
-    """False where a near duplicate of better (smaller) priority exists.
+    """True for features that stay when near duplicates are dropped, best (smallest) priority first.
 
     Two features are near duplicates when their distance is below `distance` times the smaller
-    scale and their scales differ by less than `scale_ratio`. Features are looked up by classes of
-    scale, so that each search has one radius.
+    scale and their scales differ by less than `scale_ratio`. A feature is dropped only for one that
+    stays, so a chain of neighbours is thinned, not emptied. Ties go to the smaller index.
     """
+    a, b = _near_pairs(xy, scale_px, distance, scale_ratio)
+    place = np.empty(len(xy), dtype=np.int64)
+    place[np.lexsort((np.arange(len(xy)), priority))] = np.arange(len(xy))
+    better, worse = np.where(place[a] < place[b], (a, b), (b, a))
+    keep = np.ones(len(xy), dtype=bool)
+    decided = np.zeros(len(xy), dtype=bool)
+    while len(better):
+        # who has no better undecided neighbour stays; its neighbours go; look again at the rest
+        beaten = np.zeros(len(xy), dtype=bool)
+        beaten[worse] = True
+        decided |= ~beaten
+        dropped = worse[~beaten[better]]
+        keep[dropped] = False
+        decided[dropped] = True
+        open_pair = ~(decided[better] | decided[worse])
+        better, worse = better[open_pair], worse[open_pair]
+    return keep
+
+
+def _near_pairs(xy: Float, scale_px: Float, distance: float, scale_ratio: float) -> tuple[Int, Int]:
+    """Indices of near duplicates; looked up by classes of scale, each search with one radius."""
     from scipy.spatial import cKDTree
 
-    K = len(xy)
-    keep = np.ones(K, dtype=bool)
-    if K < 2:
-        return keep
+    none = np.zeros(0, dtype=np.int64)
+    first, second = [none], [none]
+    if len(xy) < 2 or distance <= 0.0:
+        return none, none
     group = np.floor(np.log(scale_px) / np.log(scale_ratio)).astype(np.int64)
     for g in np.unique(group):
         # pairs within a class, and across to the next one
@@ -78,10 +101,11 @@ def not_duplicated(
         radius = distance * float(scale_px[rows].max())
         pairs = cKDTree(xy[rows]).query_pairs(radius, output_type="ndarray")
         a, b = rows[pairs[:, 0]], rows[pairs[:, 1]]
-        near = np.linalg.norm(xy[a] - xy[b], axis=1) < distance * np.minimum(
-            scale_px[a], scale_px[b]
-        )
+        limit = distance * np.minimum(scale_px[a], scale_px[b])
+        near = np.linalg.norm(xy[a] - xy[b], axis=1) < limit
         near &= np.abs(np.log(scale_px[a] / scale_px[b])) < np.log(scale_ratio)
-        worse = np.where(priority[a] < priority[b], b, a)
-        keep[worse[near]] = False
-    return keep
+        # pairs of the upper class are found again with it
+        near &= (group[a] == g) | (group[b] == g)
+        first.append(a[near])
+        second.append(b[near])
+    return np.concatenate(first), np.concatenate(second)

@@ -56,9 +56,9 @@ def standardized(patches: Array) -> Array:
 
 def _derivatives(patches: Array, max_order: int) -> dict[tuple[int, int], Array]:
     filters, orders = derivative_filters(patches.shape[1], max_order)
-    values = standardized(patches).reshape(len(patches), -1) @ filters.reshape(
-        -1, len(orders)
-    ).astype(np.float32)
+    size = patches.shape[1]
+    flat = standardized(patches).reshape(len(patches), size * size)
+    values = flat @ filters.reshape(size * size, len(orders)).astype(np.float32)
     return {order: values[:, n] for n, order in enumerate(orders)}
 
 

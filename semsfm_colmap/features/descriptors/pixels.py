@@ -19,7 +19,7 @@ def ncc(patches: Array) -> Array:
     K, size, _ = patches.shape
     step = size // NCC_SIDE
     cells = patches.reshape(K, NCC_SIDE, step, NCC_SIDE, step).mean(axis=(2, 4))
-    values = cells.reshape(K, -1)
+    values = cells.reshape(K, NCC_SIDE**2)
     values = values - values.mean(axis=1, keepdims=True)
     norm = np.linalg.norm(values, axis=1, keepdims=True)
     return np.asarray(values / np.maximum(norm, 1e-12), dtype=np.float32)
@@ -32,6 +32,7 @@ def pca_sift(patches: Array) -> Array:
     """
     gx = patches[:, 1:-1, 2:] - patches[:, 1:-1, :-2]
     gy = patches[:, 2:, 1:-1] - patches[:, :-2, 1:-1]
-    values = np.concatenate([gx.reshape(len(patches), -1), gy.reshape(len(patches), -1)], axis=1)
+    K, inner = len(patches), (patches.shape[1] - 2) ** 2
+    values = np.concatenate([gx.reshape(K, inner), gy.reshape(K, inner)], axis=1)
     norm = np.linalg.norm(values, axis=1, keepdims=True)
     return np.asarray(values / np.maximum(norm, 1e-12), dtype=np.float32)

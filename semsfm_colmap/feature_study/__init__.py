@@ -1,0 +1,1 @@
+"""The comparison of detectors and descriptors: counts, overlap, precision, repeatability."""
