@@ -15,6 +15,9 @@ from semsfm_colmap.pipeline.reporter import Reporter
 
 T = TypeVar("T")
 
+SHORT_FLAGS = {"--depth_sign": "--refinement.depth_sign", "--series": "--series_csv"}
+"""Flags that may be written short."""
+
 Flattened = Annotated[Config, tyro.conf.arg(name="")]
 Verbose = Annotated[bool, tyro.conf.arg(aliases=["-v"])]
 Quiet = Annotated[bool, tyro.conf.arg(aliases=["-q"])]
@@ -51,6 +54,8 @@ def parse(command: type[T], arguments: Sequence[str], name: str, description: st
 def positional_first(arguments: Sequence[str]) -> list[str]:
     """Accept ``--image_path X`` and ``--project_path X`` for the positional argument, as COLMAP."""
     args = list(arguments)
+    for short, full in SHORT_FLAGS.items():
+        args = [full + a[len(short) :] if a.split("=")[0] == short else a for a in args]
     for flag in ("--image_path", "--project_path"):
         for k, argument in enumerate(args):
             if argument == flag and k + 1 < len(args):

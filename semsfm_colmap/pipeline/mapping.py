@@ -21,12 +21,17 @@ from semsfm_colmap.geometry.rotations import (
     rotation_angle,
     vector_from_rotation,
 )
+from semsfm_colmap.ingest.tilt import TiltPrior, check_tilt
 from semsfm_colmap.refinement.covariance import Covariance, estimate_covariance
 from semsfm_colmap.refinement.depth_reversal import (
+    apply_user_word,
+    axis_from_receding_edge,
     decide_depth_sign,
+    known_tilt_cue,
     reverse_depth,
     visibility_cues,
 )
+from semsfm_colmap.refinement.known_angles import angle_prior
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import (
     MAX_TRACKS,
@@ -35,8 +40,8 @@ from semsfm_colmap.refinement.model_choice import (
     total_rotation,
 )
 from semsfm_colmap.refinement.options import RefinementOptions
-from semsfm_colmap.refinement.refine import Refined, refine
-from semsfm_colmap.types import Int, Observations, Reconstruction, Solution
+from semsfm_colmap.refinement.refine import Refined, adjust_with_angles, refine
+from semsfm_colmap.types import Float, Int, Observations, Reconstruction, Solution
 
 GAUGE = (
     "the world's axes are those of the first registered image (x right, y down, z away from the "
@@ -67,6 +72,7 @@ def map_observations(
     refinement: RefinementOptions,
     pixel_size_um: float | None = None,
     pixel_size_source: str = "none",
+    tilt: TiltPrior | None = None,
     seed: int = 0,
     note: Callable[[str], None] | None = None,
 ) -> Solution[list[MappedPart]]:
@@ -75,6 +81,7 @@ def map_observations(
     Parameters
     ----------
     observations : sorted by track; images numbered as `image_names`
+    tilt : known angles; used as a prior where the images do not contradict them
     note : called with a sentence after each step
 
     Returns
@@ -141,16 +148,21 @@ def map_observations(
                 value=None, status=refined.status, message=refined.message
             )
             continue
+        value, tilt_figures, tilt_notes = with_known_tilt(
+            refined.value, image_names, refinement, tilt
+        )
         mapped.append(
             finish(
-                refined.value,
+                value,
                 observations,
                 image_names,
                 image_size_px,
                 refinement,
                 pixel_size_um,
                 pixel_size_source,
-                dict(start.diagnostics),
+                {**start.diagnostics, **tilt_figures},
+                tilt_notes,
+                tilt,
             )
         )
         say(mapped[-1].reconstruction.depth_sign.message)
@@ -170,6 +182,8 @@ def finish(
     pixel_size_um: float | None,
     pixel_size_source: str,
     diagnostics: dict[str, Any],
+    tilt_notes: list[str],
+    tilt: TiltPrior | None,
 ) -> MappedPart:
     """Error bars, hand, gauge and world unit of a refined part."""
     covariance = estimate_covariance(
@@ -179,7 +193,16 @@ def finish(
     sizes = image_size_px[refined.images]
     figures, notes = reliability(refined, covariance, options)
     cues = visibility_cues(cameras, points, refined.observations, sizes)
+    if tilt is not None and options.receding_edge != "unknown":
+        known, sigma = known_tilts(tilt, [image_names[i] for i in refined.images])
+        cues["known tilt"] = known_tilt_cue(
+            cameras,
+            known,
+            axis_from_receding_edge(options.receding_edge),
+            float(np.nanmedian(sigma)),
+        )
     sign, reverse = decide_depth_sign(cues, options.min_depth_sign_confidence)
+    sign, reverse = apply_user_word(sign, reverse, options.depth_sign)
     # gauge: origin at the centroid, axes of the first image, mean magnification 1 / pixel size
     unit = pixel_size_um or 1.0
     centre = points.mean(axis=0)
@@ -237,7 +260,7 @@ def finish(
         diagnostics={
             **diagnostics,
             **figures,
-            "notes": notes,
+            "notes": [*tilt_notes, *notes],
             "sigma_px": refined.sigma_px,
             "depth_sign_cues": {
                 name: {"t": -c.t if reverse else c.t, "num_regions": c.num_regions}
@@ -245,6 +268,40 @@ def finish(
             },
         },
     )
+
+
+def known_tilts(tilt: TiltPrior, names: list[str]) -> tuple[Float, Float]:
+    """Known angles and their sigmas of some images, nan where nothing is known."""
+    number = {name: k for k, name in enumerate(tilt.image_names)}
+    rows = np.array([number[name] for name in names])
+    return tilt.angle_rad[rows], tilt.sigma_rad[rows]
+
+
+def with_known_tilt(
+    refined: Refined,
+    image_names: tuple[str, ...],
+    options: RefinementOptions,
+    tilt: TiltPrior | None,
+) -> tuple[Refined, dict[str, Any], list[str]]:
+    """Adjust with the known tilt when the images agree with it; else say so and leave it out."""
+    if tilt is None:
+        return refined, {}, []
+    names = [image_names[i] for i in refined.images]
+    check = check_tilt(tilt, names, np.asarray(refined.cameras.cam_from_world))
+    figures = {
+        "tilt_prior": {
+            "source": tilt.source,
+            "consistent": check.consistent,
+            "factor": check.factor,
+            "tolerance": check.tolerance,
+        }
+    }
+    if not check.consistent:
+        return refined, figures, [f"{check.message}; it was not used"]
+    angles = angle_prior(*known_tilts(tilt, names))
+    if angles is None:
+        return refined, figures, []
+    return adjust_with_angles(refined, angles, options), figures, [check.message]
 
 
 def reliability(

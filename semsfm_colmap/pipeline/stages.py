@@ -209,6 +209,7 @@ def map_(project: Project, config: Config, reporter: Reporter) -> Summary:
     from semsfm_colmap.colmap.colors import point_colors
     from semsfm_colmap.colmap.database import read_images
     from semsfm_colmap.colmap.model import write_model
+    from semsfm_colmap.ingest.tilt import tilt_prior
     from semsfm_colmap.pipeline.mapping import map_observations
 
     series = read_project_series(project)
@@ -226,6 +227,7 @@ def map_(project: Project, config: Config, reporter: Reporter) -> Summary:
         refinement=config.refinement,
         pixel_size_um=series.pixel_size_um,
         pixel_size_source=series.pixel_size_source,
+        tilt=tilt_prior(series, config.ingest),
         seed=config.seed,
         note=reporter.detail,
     )

@@ -18,6 +18,7 @@ from scipy import sparse
 
 from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions, minimise
 from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.refinement.known_angles import AnglePrior
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Solution
 
 
@@ -29,6 +30,7 @@ class BundleModel:
     num_params: int
     scale_sigma: float
     affine_sigma: float
+    angles: AnglePrior | None = None
 
     @classmethod
     def build(
@@ -39,6 +41,7 @@ class BundleModel:
         free_affine: bool,
         scale_sigma: float,
         affine_sigma: float,
+        angles: AnglePrior | None = None,
     ) -> BundleModel:
         """Number the free parameters; the magnifications are held fixed without `free_scale`."""
         per_image = [0, 1, 2, *([3] if free_scale else []), 4, 5]
@@ -51,7 +54,11 @@ class BundleModel:
             idx[:, 6], idx[:, 7] = count, count + 1
             count += 2
         return cls(
-            param_idx=idx, num_params=count, scale_sigma=scale_sigma, affine_sigma=affine_sigma
+            param_idx=idx,
+            num_params=count,
+            scale_sigma=scale_sigma,
+            affine_sigma=affine_sigma,
+            angles=angles,
         )
 
     def cameras(self, params: OrthographicCameras) -> tuple[Float, Float]:
@@ -93,7 +100,7 @@ class BundleModel:
         )
 
     def prior(self, params: OrthographicCameras) -> tuple[Float, sparse.csr_array]:
-        """Magnifications near 1; aspect near 1 and skew near 0."""
+        """Magnifications near 1; aspect near 1 and skew near 0; known angles."""
         values, rows, cols, derivs = [], [], [], []
         free_scale = self.param_idx[:, 3]
         if free_scale[0] >= 0:
@@ -106,13 +113,19 @@ class BundleModel:
             rows.append(sum(len(v) for v in values[:-1]) + np.arange(2))
             cols.append(self.param_idx[0, 6:8])
             derivs.append(np.full(2, 1.0 / self.affine_sigma))
-        if not values:
-            return np.zeros(0), sparse.csr_array((0, self.num_params))
-        r = np.concatenate(values)
-        J = sparse.csr_array(
-            (np.concatenate(derivs), (np.concatenate(rows), np.concatenate(cols))),
-            shape=(len(r), self.num_params),
-        )
+        r, J = np.zeros(0), sparse.csr_array((0, self.num_params))
+        if values:
+            r = np.concatenate(values)
+            J = sparse.csr_array(
+                (np.concatenate(derivs), (np.concatenate(rows), np.concatenate(cols))),
+                shape=(len(r), self.num_params),
+            )
+        if self.angles is not None:
+            r_angle, J_angle = self.angles.residuals(
+                params.cam_from_world, self.param_idx, self.num_params
+            )
+            r = np.concatenate([r, r_angle])
+            J = sparse.csr_array(sparse.vstack([J, J_angle]))
         return r, J
 
 
@@ -124,6 +137,7 @@ def bundle_adjust(
     scale_sigma: float = 0.001,
     affine_sigma: float = 0.003,
     sigma_px: float = 0.3,
+    angles: AnglePrior | None = None,
     solver: SolverOptions | None = None,
 ) -> Solution[tuple[OrthographicCameras, Float]]:
     """Refine cameras and points to the minimum of the robust reprojection error.
@@ -132,6 +146,7 @@ def bundle_adjust(
     ----------
     cameras : magnifications near 1 px per unit (the prior's mean)
     observations : sorted by track, every track seen at least twice
+    angles : known angles between images
     sigma_px : measurement noise per coordinate; balances the data against the priors
 
     Returns
@@ -139,12 +154,15 @@ def bundle_adjust(
     Solution of (cameras, points (N, 3)); ``diagnostics`` holds the final `Eliminated` state
 
     """
+    if camera_model == "orthographic":
+        cameras = replace(cameras, scale_px_per_unit=np.ones(len(cameras)))
     model = BundleModel.build(
         len(cameras),
         free_scale=camera_model != "orthographic",
         free_affine=camera_model == "affine",
         scale_sigma=scale_sigma,
         affine_sigma=affine_sigma,
+        angles=angles,
     )
     end: Eliminated[OrthographicCameras] = minimise(
         model, cameras, observations, sigma_px=sigma_px, options=solver

@@ -37,5 +37,11 @@ class RefinementOptions:
     """Where the loss bends, in standard deviations of the residuals."""
     max_iterations: int = 60
     """Most bundle adjustment steps of the last round."""
+    depth_sign: Literal["auto", "as_is", "reversed"] = "auto"
+    """Your word on the hand: auto decides by evidence; as_is and reversed refer to the model that
+    auto writes first, which you have looked at. On the command line also --depth_sign."""
+    receding_edge: Literal["unknown", "top", "bottom", "left", "right"] = "unknown"
+    """Edge of the image that moves away from the viewer as the recorded tilt grows. With it a known
+    tilt decides the hand; without it only its size is used."""
     min_depth_sign_confidence: float = 0.95
     """Below this confidence the hand counts as ambiguous and both models are written."""

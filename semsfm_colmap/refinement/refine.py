@@ -16,6 +16,7 @@ from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
 from semsfm_colmap.geometry.tracks import keep_tracks
 from semsfm_colmap.geometry.triangulation import triangulate_tracks, triangulation_angle
 from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
+from semsfm_colmap.refinement.known_angles import AnglePrior
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.resection import resect
 from semsfm_colmap.types import (
@@ -123,6 +124,34 @@ def registered_images(inlier: Bool, observations: Observations, options: Refinem
     """Images with enough inlier observations."""
     count = np.bincount(observations.image_idx[inlier], minlength=observations.num_images)
     return np.flatnonzero(count >= options.min_image_observations)
+
+
+def adjust_with_angles(refined: Refined, angles: AnglePrior, options: RefinementOptions) -> Refined:
+    """Adjust once more with known angles between the registered images; inliers stay."""
+    result = bundle_adjust(
+        refined.cameras,
+        refined.observations,
+        camera_model=options.camera_model,
+        scale_sigma=options.scale_sigma,
+        affine_sigma=options.affine_sigma,
+        sigma_px=refined.sigma_px,
+        angles=angles,
+        solver=SolverOptions(
+            max_iterations=options.max_iterations,
+            absolute_tolerance=CHI_SQUARE_TOLERANCE,
+            loss=options.loss,
+            loss_width=options.loss_width,
+        ),
+    )
+    assert result.value is not None
+    cameras, points = result.value
+    return replace(
+        refined,
+        cameras=cameras,
+        points=points,
+        state=result.diagnostics["state"],
+        model=result.diagnostics["model"],
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
