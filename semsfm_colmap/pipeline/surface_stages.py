@@ -1,31 +1,105 @@
-"""The surface stages on a project folder."""
+"""The surface stages on a project folder: depth maps and their fusion, mesh and texture."""
 
 from __future__ import annotations
 
+import os
+import shutil
+
+import numpy as np
+
 from semsfm_colmap.config import Config
+from semsfm_colmap.errors import InputError, MissingDependencyError
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.stages import Summary, read_main_model
 
+MIN_DENSE_GAIN = 1.0
+"""A fused cloud with fewer points than so many times the sparse one adds nothing."""
+
 
 def densify(project: Project, config: Config, reporter: Reporter) -> Summary:
-    """Placeholder until the dense stage lands."""
-    from semsfm_colmap.surface.cloud import sparse_cloud
-    from semsfm_colmap.surface.files import write_ply
+    """images/, sparse/0 -> dense/depth_maps/, dense/fused.ply.
 
-    project.dense.mkdir(exist_ok=True)
-    write_ply(project.dense / "fused.ply", sparse_cloud(read_main_model(project), config.surface))
-    return {}
+    Where the depth maps agree on too little (few images, small angles) the fused cloud is the
+    sparse one, and that is said.
+    """
+    from semsfm_colmap.surface.cloud import sparse_cloud
+    from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map, write_ply
+    from semsfm_colmap.surface.fusion import fuse
+    from semsfm_colmap.surface.plane_sweep import sweep_depth_maps
+    from semsfm_colmap.surface.views import choose_references
+
+    reconstruction = read_main_model(project)
+    options = config.surface
+    sparse = sparse_cloud(reconstruction, options)
+    # the maps are written aside and replace those of an earlier run as a whole
+    aside, folder = project.dense / ".depth_maps.part", project.dense / "depth_maps"
+    shutil.rmtree(aside, ignore_errors=True)
+    aside.mkdir(parents=True)
+    references = choose_references(reconstruction.cameras, options.max_num_depth_maps)
+    notes: list[str] = []
+    names = []
+    with reporter.progress("depth maps") as progress:
+        for depth_map in sweep_depth_maps(
+            reconstruction, references, project.images, project.masks_or_none, options
+        ):
+            write_depth_map(aside, depth_map)
+            names.append(depth_map.image_name)
+            progress(len(names), len(references))
+    shutil.rmtree(folder, ignore_errors=True)
+    os.rename(aside, folder)
+    cloud = sparse
+    if names:
+        with reporter.progress("fusing") as progress:
+            fused = fuse(
+                DepthMapFolder(folder, tuple(names)),
+                reconstruction,
+                project.images,
+                options,
+                progress=progress,
+            )
+        if len(fused.points) >= MIN_DENSE_GAIN * len(sparse.points):
+            cloud = fused
+        else:
+            notes.append(
+                f"the depth maps agree on {len(fused.points)} points only, fewer than the "
+                f"{len(sparse.points)} of the sparse cloud: the surface is made from the sparse "
+                "cloud"
+            )
+    write_ply(project.dense / "fused.ply", cloud)
+    reporter.say(f"densify: {len(names)} depth maps, {len(cloud.points)} points")
+    for note in notes:
+        reporter.say(note)
+    return {"num_depth_maps": len(names), "num_points": len(cloud.points), "notes": notes}
 
 
 def mesh(project: Project, config: Config, reporter: Reporter) -> Summary:
-    """dense/fused.ply -> mesh/mesh.ply."""
+    """dense/fused.ply -> mesh/mesh.ply, mesh.glb and mesh.obj."""
     from semsfm_colmap.surface.ball_pivoting import mesh_cloud
-    from semsfm_colmap.surface.files import read_ply_cloud, write_ply
+    from semsfm_colmap.surface.files import read_ply_cloud, write_ply, write_textured
+    from semsfm_colmap.surface.texture import texture_mesh
 
     cloud = read_ply_cloud(project.dense / "fused.ply")
     surface = mesh_cloud(cloud, config.surface)
+    if len(surface.faces) == 0:
+        raise InputError(
+            f"no surface could be made from the {len(cloud.points)} points: they are too few or "
+            "too scattered; see the report for the images that match badly"
+        )
     project.mesh.mkdir(exist_ok=True)
     write_ply(project.mesh / "mesh.ply", surface)
     reporter.say(f"mesh: {len(surface.vertices)} vertices, {len(surface.faces)} faces")
-    return {"num_vertices": len(surface.vertices), "num_faces": len(surface.faces)}
+    notes: list[str] = []
+    try:
+        textured = texture_mesh(surface, read_main_model(project), project.images, config.surface)
+        write_textured(textured, project.mesh)
+    except (ImportError, MissingDependencyError) as error:
+        notes.append(f"the mesh was not textured: {error}")
+        reporter.warn(notes[-1])
+    extent = np.ptp(np.asarray(surface.vertices), axis=0)
+    return {
+        "num_vertices": len(surface.vertices),
+        "num_faces": len(surface.faces),
+        "extent": extent.tolist(),
+        "notes": notes,
+    }

@@ -19,46 +19,49 @@ _MIN_CONTRAST_SIGMA = 4.0
 """Specimen and background must differ by this many deviations of the noise to be told apart."""
 
 
-def background(grey: Array, correlation: Array, noise: float, radius: int) -> Bool:
+def uncorrelated_region(correlation: Array, radius: int) -> Bool:
+    """Large regions where nothing correlates at any depth: (H, W) -> (H, W) bool.
+
+    `correlation` is the best one over all depths, `radius` that of the window it is averaged over.
+    """
+    import cv2
+
+    size = 2 * radius + 1
+    empty = (cv2.blur(correlation, (size, size)) < _UNCORRELATED).astype(np.uint8)
+    count, label, stats, _ = cv2.connectedComponentsWithStats(empty, connectivity=4)
+    large = np.asarray(stats[:, cv2.CC_STAT_AREA] >= _MIN_REGION * empty.size)
+    large[0] = False
+    return large[label] if count > 1 else np.zeros(empty.shape, dtype=bool)
+
+
+def background(grey: Array, empty: Bool, halo: int, noise: float) -> Bool:
     """Pixels that belong to the background: (H, W) bool.
 
     Parameters
     ----------
     grey : (H, W) float32
-    correlation : (H, W) best mean correlation over all depths, 0..1
+    empty : (H, W) from `uncorrelated_region`
+    halo : px, how far beyond a silhouette windows still correlate
     noise : deviation of the pixel noise
-    radius : px, how far a halo can reach
 
     """
     import cv2
 
-    size = 2 * radius + 1
-    smooth = cv2.blur(correlation.astype(np.float32), (size, size))
-    empty = (smooth < _UNCORRELATED).astype(np.uint8)
-    count, label, stats, _ = cv2.connectedComponentsWithStats(empty, connectivity=4)
-    large = np.asarray(stats[:, cv2.CC_STAT_AREA] >= _MIN_REGION * grey.size)
-    large[0] = False
-    sure = large[label] if count > 1 else np.zeros(grey.shape, dtype=bool)
-    if not sure.any():
-        return np.asarray(sure)
-
+    if not empty.any():
+        return empty
     # local means of the two sides over a neighbourhood that reaches across the halo
-    reach = (6 * radius + 1, 6 * radius + 1)
-    outside = sure.astype(np.float32)
-    near = cv2.dilate(outside, np.ones((4 * radius + 1,) * 2)) > 0
-    inside = (~near).astype(np.float32)
-    rim = ((smooth > _CORRELATED) & ~sure).astype(np.float32)
-    weight_b = cv2.blur(outside, reach)
-    weight_s = cv2.blur(np.maximum(rim, inside), reach)
-    dark = cv2.blur(grey * outside, reach) / np.maximum(weight_b, 1e-6)
-    bright = cv2.blur(grey * np.maximum(rim, inside), reach) / np.maximum(weight_s, 1e-6)
+    reach = (6 * halo + 1, 6 * halo + 1)
+    outside = empty.astype(np.float32)
+    near = cv2.dilate(outside, np.ones((4 * halo + 1, 4 * halo + 1))) > 0
+    inside = (~(cv2.dilate(outside, np.ones((2 * halo + 1, 2 * halo + 1))) > 0)).astype(np.float32)
+    weight_out, weight_in = cv2.blur(outside, reach), cv2.blur(inside, reach)
+    dark = cv2.blur(grey * outside, reach) / np.maximum(weight_out, 1e-6)
+    bright = cv2.blur(grey * inside, reach) / np.maximum(weight_in, 1e-6)
     contrast = bright - dark
-    known = (weight_b > 1e-3) & (weight_s > 1e-3) & (contrast > _MIN_CONTRAST_SIGMA * noise)
+    known = (weight_out > 1e-3) & (weight_in > 1e-3) & (contrast > _MIN_CONTRAST_SIGMA * noise)
     calm = cv2.GaussianBlur(grey, (0, 0), 0.7)
-    like_background = known & near & (calm < dark + 0.5 * contrast)
-    return np.asarray(sure | like_background)
+    return np.asarray(empty | (known & near & (calm < dark + 0.5 * contrast)))
 
 
 _UNCORRELATED = 0.35
-_CORRELATED = 0.6
-"""Means over a window of the best correlation: noise reaches 0.2 to 0.3, texture 0.7 and more."""
+"""Mean of the best correlation over a window: noise reaches 0.2 to 0.3, texture 0.6 and more."""

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, overload
 
 import numpy as np
 
@@ -263,3 +263,25 @@ def _unshare(mesh: TriangleMesh) -> tuple[Array, Array, Array, Array]:
         normals = vertex_normals(mesh.vertices, mesh.faces)
     source = corner[first]
     return mesh.vertices[source], normals[source], uv[first], inverse.reshape(-1, 3)
+
+
+class DepthMapFolder(Sequence[DepthMap]):
+    """The depth maps of a folder as a sequence that reads each one when it is asked for."""
+
+    def __init__(self, folder: Path | str, image_names: Sequence[str]) -> None:
+        self.folder = Path(folder)
+        self.image_names = tuple(image_names)
+
+    def __len__(self) -> int:
+        return len(self.image_names)
+
+    @overload
+    def __getitem__(self, index: int) -> DepthMap: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> DepthMapFolder: ...
+
+    def __getitem__(self, index: int | slice) -> DepthMap | DepthMapFolder:
+        if isinstance(index, slice):
+            return DepthMapFolder(self.folder, self.image_names[index])
+        return read_depth_map(self.folder, self.image_names[index])

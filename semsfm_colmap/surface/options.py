@@ -33,10 +33,12 @@ class SurfaceOptions:
     """Images seen at a larger angle look too different."""
     depth_margin: float = 0.15
     """The sweep reaches this share of the sparse points' depth range beyond them."""
-    sweep_step_px: float = 0.75
-    """Parallax between two planes, in px of the half-size images."""
+    sweep_step_px: float = 1.0
+    """Parallax between two surfaces of a sweep, in px."""
     sweep_window_radius_px: int = 2
-    """The sweep correlates windows of 2 r + 1 px at half size."""
+    """The sweeps correlate windows of 2 r + 1 px."""
+    max_relief_px: float = 20.0
+    """Depth that details may stand out from the half-size surface, in px of the depth map."""
     window_radius_px: int = 3
     """The refinement correlates windows of 2 r + 1 px."""
     window_grey_share: float = 0.27
@@ -45,14 +47,28 @@ class SurfaceOptions:
     """A neighbour that correlates this much worse than the best one does not count."""
     slope_radius_px: int = 3
     """Local planes are fitted to depths within this distance."""
-    num_refinements: int = 3
-    """Gauss-Newton steps at half and at full size."""
+    num_refinements: int = 2
+    """Gauss-Newton steps of each depth."""
     smoothness: float = 0.1
     """Pull of a depth to its local plane, as an inverse variance in px: 0.1 means 3 px."""
     min_correlation: float = 0.2
     """Depths whose windows correlate less are dropped."""
     min_speck_px: int = 60
     """Connected patches of fewer depth pixels are dropped."""
+
+    # fusion
+    num_fusion_neighbors: int = 10
+    """Depth maps that each one is compared with."""
+    max_fusion_angle_deg: float = 45.0
+    """Depth maps seen at a larger angle are not compared."""
+    consistency_px: float = 2.0
+    """Surfaces of two depth maps agree within this distance, in px of the depth maps."""
+    contradiction_px: float = 6.0
+    """A point this far in front of another map's surface is contradicted by it."""
+    min_consistent_maps: int = 2
+    """Other depth maps that must agree with a point."""
+    spacing_px: float = 1.5
+    """Distance between the points of the fused cloud, in px of the depth maps."""
 
     # mesh
     method: Literal["ball_pivoting", "poisson"] = "ball_pivoting"
@@ -71,3 +87,9 @@ class SurfaceOptions:
     """Octree depth of the Poisson surface: 8 coarse, 10 fine."""
     poisson_trim_quantile: float = 0.02
     """Share of the least supported Poisson vertices to cut away."""
+
+    # texture
+    max_texture_faces: int = 20000
+    """The textured mesh is decimated to so many faces; mesh.ply keeps all."""
+    texture_size_px: int = 2048
+    """Width and height of the texture."""

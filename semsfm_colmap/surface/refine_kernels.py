@@ -113,6 +113,7 @@ def slanted_step(
     window, window_weight : (K, 2) int64 offsets of the window's samples, (K,) float32
     noise : (1 + V,) deviations
     depth, score : (H, W) float32, overwritten: depth and mean correlation
+
     """
     H, W = reference.shape
     V, Hj, Wj = views.shape[:3]

@@ -21,31 +21,34 @@ _BLOCK = 8
 @numba.njit(nogil=True, fastmath=True, cache=True)
 def correlation_volume(
     reference: Array,
+    base: Array,
     views: Array,
     view_usable: Array,
     B: Array,
     c: Array,
     e: Array,
-    depths: Array,
+    offsets: Array,
     radius: int,
     noise: Array,
     side: Array,
 ) -> Array:
-    """Matching cost of each pixel on each plane.
+    """Matching cost of each pixel at each offset from a base surface.
 
-    For plane z the neighbours are resampled into the reference's grid and correlated with it in
-    windows of (2 radius + 1)^2 px: ``ncc = cov / sqrt((var_r + n_r^2) (var_j + n_j^2))``. The noise
-    variances n^2 in the denominator take windows without texture to 0. Neighbours are averaged on
-    each side of the reference and the better side counts: what one side hides, the other sees
-    (Kang, Szeliski, Chai, CVPR 2001).
+    With a constant base this sweeps planes; a base that follows the specimen makes the windows lie
+    on its slopes. The neighbours are resampled into the reference's grid over ``base + offset`` and
+    correlated with it in windows of (2 radius + 1)^2 px: ``ncc = cov / sqrt((var_r + n_r^2)
+    (var_j + n_j^2))``. The noise variances n^2 in the denominator take windows without texture to
+    0. Neighbours are averaged on each side of the reference and the better side counts: what one
+    side hides, the other sees (Kang, Szeliski, Chai, CVPR 2001).
 
     Parameters
     ----------
     reference : (H, W) float32
+    base : (H, W) float32 depths
     views : (V, H', W') float32, padded to a common size
     view_usable : (V, H', W') uint8
     B, c, e : the maps of `AffineSweep`
-    depths : (D,) float64
+    offsets : (D,) float64
     noise : (1 + V,) deviations, the reference's first
     side : (V,) 0 or 1
 
@@ -56,7 +59,7 @@ def correlation_volume(
     """
     H, W = reference.shape
     V = len(views)
-    D = len(depths)
+    D = len(offsets)
     size = 2 * radius + 1
     inv_n = np.float32(1.0 / (size * size))
     cost = np.full((H, W, D), MAX_COST, dtype=np.uint8)
@@ -77,8 +80,8 @@ def correlation_volume(
         total[:] = zero
         count[:] = zero
         for j in range(V):
-            shift = c[j] * depths[k] + e[j]
-            _warp(views[j], view_usable[j], B[j], shift, warped, seen)
+            shift = c[j] * offsets[k] + e[j]
+            _warp(views[j], view_usable[j], B[j], c[j], shift, base, warped, seen)
             noise_j = np.float32(noise[1 + j] ** 2)
             for y in range(radius, H - radius):
                 _window_sums(warped, reference, y, radius, columns, sums)
@@ -106,7 +109,9 @@ def _warp(
     view: Array,
     usable: Array,
     B: Array,
+    c: Array,
     shift: Array,
+    base: Array,
     warped: Array,
     seen: Array,
 ) -> None:
@@ -115,12 +120,13 @@ def _warp(
     last_v = np.float32(view.shape[0] - 1.01)
     zero, one = np.float32(0.0), np.uint32(1)
     du, dv = np.float32(B[0, 0]), np.float32(B[1, 0])
+    cu, cv = np.float32(c[0]), np.float32(c[1])
     for y in range(warped.shape[0]):
         u0 = np.float32(B[0, 0] * 0.5 + B[0, 1] * (y + 0.5) + shift[0] - 0.5)
         v0 = np.float32(B[1, 0] * 0.5 + B[1, 1] * (y + 0.5) + shift[1] - 0.5)
         for x in range(warped.shape[1]):
-            free_u = u0 + du * np.float32(x)
-            free_v = v0 + dv * np.float32(x)
+            free_u = u0 + du * np.float32(x) + cu * base[y, x]
+            free_v = v0 + dv * np.float32(x) + cv * base[y, x]
             u = min(max(free_u, zero), last_u)
             v = min(max(free_v, zero), last_v)
             iu, iv = np.uint32(u), np.uint32(v)
