@@ -184,8 +184,12 @@ def _sample(mesh: Mesh, num: int, rng: np.random.Generator) -> tuple[Float, Floa
 
 def _visible(mesh: Mesh, points: Float, normals: Float, cameras: OrthographicCameras) -> Bool:
     """(M, N): faces the viewer, and nothing lies between."""
+    import numba
+
     from semsfm_colmap.synthetic.rays import ray_scene, ray_tensor
 
+    # open3d brings a TBB that numba finds too old and warns of: numba shall ask for it last
+    numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
     scene = ray_scene(*mesh)
     visible = np.zeros((len(cameras), len(points)), dtype=bool)
     for i, direction in enumerate(cameras.viewing_direction):
@@ -236,6 +240,9 @@ def _tracks(
     piece = np.cumsum(broken, axis=0)
     image_idx, point = np.nonzero(detected)
     key = point * (M + 1) + piece[image_idx, point]
+    _, number, count = np.unique(key, return_inverse=True, return_counts=True)
+    long = count[number] >= 3
+    image_idx, point, key = image_idx[long], point[long], key[long]
     # wrong ones: a track claims to be seen where it may be anywhere, within the threshold
     num_wrong = int(options.wrong_share * len(key))
     if num_wrong:
@@ -257,10 +264,8 @@ def _tracks(
     xy += options.shading_px * slope * np.linalg.norm(slope, axis=1, keepdims=True)
     wrong = order >= right
     xy += np.where(wrong, 3.0, 1.0)[:, None] * options.noise_px * rng.normal(size=xy.shape)
-    _, track, count = np.unique(key[order], return_inverse=True, return_counts=True)
-    long = count[track] >= 3
-    track = np.unique(track[long], return_inverse=True)[1]
-    return _observations(image_idx[order][long], track, xy[long], M)
+    track = np.unique(key[order], return_inverse=True)[1]
+    return _observations(image_idx[order], track, xy, M)
 
 
 def _observations(image_idx: Int, track_idx: Int, xy: Float, num_images: int) -> Observations:

@@ -62,7 +62,11 @@ def cue_from_t(t: float, num_regions: int, logit_per_t: float, max_logit: float)
 
 
 def regions(points: Float, count: int) -> Int:
-    """Divide points into compact regions of similar size by cutting along the longest axis."""
+    """Divide points into compact regions of similar size by cutting along the longest axis.
+
+    The mirror image is divided alike: where a part is of odd size, its skewness says which half
+    the middle goes to.
+    """
     label = np.zeros(len(points), dtype=np.int64)
     parts = [np.arange(len(points))]
     while len(parts) < count:
@@ -72,7 +76,9 @@ def regions(points: Float, count: int) -> Int:
             parts.append(largest)
             break
         extent = np.ptp(points[largest], axis=0)
-        order = largest[np.argsort(points[largest, int(np.argmax(extent))], kind="stable")]
+        along = points[largest, int(np.argmax(extent))]
+        skew = np.sum((along - along.mean()) ** 3)
+        order = largest[np.argsort(along if skew > 0.0 else -along, kind="stable")]
         half = len(order) // 2
         parts += [order[:half], order[half:]]
     for k, part in enumerate(parts):

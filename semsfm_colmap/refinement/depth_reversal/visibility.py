@@ -41,7 +41,7 @@ from semsfm_colmap.refinement.depth_reversal.cue import (
 from semsfm_colmap.types import Bool, Float, Int, Observations, OrthographicCameras
 
 # fitted on simulated scenes: scripts/benchmark_depth_sign.py, table in docs/depth_reversal.md
-NEAR_LOGIT_PER_T = 0.15
+NEAR_LOGIT_PER_T = 0.3
 BULGE_LOGIT_PER_T = 0.55
 ORDER_LOGIT_PER_T = 0.12
 STEPS_LOGIT_PER_T = 0.6
@@ -49,7 +49,7 @@ STEPS_LOGIT_PER_T = 0.6
 NORMAL_NEIGHBOURS = 16
 """Neighbours that fix the plane at a point."""
 MIN_POINTS = 100
-"""A model of fewer points has no surface to speak of."""
+"""A model of fewer observed points has no surface to speak of."""
 MIN_VIEW_POINTS = 20
 """A view that sees fewer points says nothing of what hides what."""
 ORDER_CELL = 0.6
@@ -71,8 +71,8 @@ FREE_SHARE = 0.06
 """A side of an image is free when points stay so far, of its width, from it."""
 MIN_FREE_SIDES = 0.5
 """Share of sides that are free in views of a body: bodies on a stalk have 0.75, fields 0."""
-MAX_RIM_FACING = 0.88
-"""Facing of the seen points near their outline relative to that in the middle: 0.45 to 0.84 on nine
+MAX_RIM_FACING = 0.92
+"""Facing of the seen points near their outline relative to that in the middle: 0.5 to 0.85 on nine
 in ten simulated bodies, above 0.9 on as many fields. Keeps a patch of a field, cut out by a mask
 or by focus, from passing for a body."""
 MIDDLE_SHARE, RIM_SHARE = 0.5, 0.15
@@ -124,9 +124,11 @@ def visibility_cues(
     max_points, max_images : larger models are thinned evenly to so many
 
     """
-    if len(points) < MIN_POINTS:
+    observed = np.unique(observations.track_idx)
+    if len(observed) < MIN_POINTS:
         return {name: silent() for name in CUES}
-    views = _who_sees_what(cameras, points, observations, image_size_px, max_points, max_images)
+    pick = observed[_evenly(len(observed), max_points)]
+    views = _who_sees_what(cameras, points, observations, image_size_px, pick, max_images)
     spacing, body = _framing(views)
     facing_well = views.facing > _mean_over(views.seen, views.facing) + FACING_MARGIN
     value = {
@@ -143,17 +145,21 @@ def visibility_cues(
     return cues
 
 
+def _evenly(length: int, most: int) -> Int:
+    """At most so many of the numbers below `length`, evenly."""
+    return np.unique(np.linspace(0, length - 1, min(most, length)).astype(np.int64))
+
+
 def _who_sees_what(
     cameras: OrthographicCameras,
     points: Float,
     observations: Observations,
     image_size_px: Int,
-    max_points: int,
+    pick: Int,
     max_images: int,
 ) -> _Views:
-    """Thin the model and tabulate it."""
-    pick = np.unique(np.linspace(0, len(points) - 1, min(max_points, len(points))).astype(int))
-    views = np.unique(np.linspace(0, len(cameras) - 1, min(max_images, len(cameras))).astype(int))
+    """Tabulate the points picked in the views."""
+    views = _evenly(len(cameras), max_images)
     number = np.full(len(points), -1)
     number[pick] = np.arange(len(pick))
     view_number = np.full(len(cameras), -1)
