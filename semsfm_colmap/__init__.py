@@ -13,9 +13,13 @@ The public names, loaded when they are first used:
 from __future__ import annotations
 
 import importlib
+import os
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+# numba would try TBB first, of which open3d loads a version that numba warns about and refuses
+os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
 
 if TYPE_CHECKING:
     from semsfm_colmap.colmap.model import read_model as read_model

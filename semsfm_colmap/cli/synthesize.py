@@ -48,5 +48,5 @@ def main(arguments: Sequence[str]) -> None:
     )
     reporter = verbosity(False, parsed.quiet)
     with reporter.progress("rendering") as progress:
-        folder = synthesize(parsed.output_path, parsed.options, progress)
-    reporter.say(f"{folder}: images/, truth.json, truth.npz, mesh.npz")
+        synthesize(parsed.output_path, parsed.options, progress)
+    reporter.say(f"{parsed.output_path}: images/, truth.json, truth.npz, mesh.npz")

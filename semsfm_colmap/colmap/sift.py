@@ -45,50 +45,76 @@ def extraction_options(options: SiftOptions, num_threads: int) -> object:
     return extraction
 
 
+def register_images(
+    database_path: Path, names: Sequence[str], sizes_px: Sequence[tuple[int, int]]
+) -> None:
+    """Write cameras, rigs, frames and images, in one transaction, where there are none yet.
+
+    Done before extraction, so that image ids follow the order of the names and not that of the
+    threads that finish first. One camera a size of image.
+    """
+    with open_database(database_path, create=True) as db:
+        if db.num_images() > 0:
+            return
+        with pycolmap.DatabaseTransaction(db):
+            camera_of: dict[tuple[int, int], int] = {}
+            for number, (width, height) in enumerate(dict.fromkeys(sizes_px), start=1):
+                camera = pycolmap.Camera(
+                    model="SIMPLE_PINHOLE",
+                    width=width,
+                    height=height,
+                    params=[DATABASE_FOCAL_FACTOR * width, width / 2.0, height / 2.0],
+                    camera_id=number,
+                )
+                camera_of[width, height] = db.write_camera(camera, True)
+                rig = pycolmap.Rig(rig_id=number)
+                rig.add_ref_sensor(camera.sensor_id)
+                db.write_rig(rig, True)
+            for number, (name, size) in enumerate(zip(names, sizes_px, strict=True), start=1):
+                image = pycolmap.Image(name=name, camera_id=camera_of[size], image_id=number)
+                db.write_image(image, True)
+                frame = pycolmap.Frame(frame_id=number, rig_id=camera_of[size])
+                frame.add_data_id(image.data_id)
+                db.write_frame(frame, True)
+
+
 def extract_sift(
     database_path: Path,
     image_path: Path,
     names: Sequence[str],
+    sizes_px: Sequence[tuple[int, int]],
     options: SiftOptions,
     *,
     mask_path: Path | None = None,
-    single_camera: bool = True,
     num_threads: int = -1,
     progress: Progress | None = None,
 ) -> None:
     """Extract keypoints and descriptors of the images that have none in the database yet."""
-    reader = pycolmap.ImageReaderOptions()
-    reader.camera_model = "SIMPLE_PINHOLE"
-    reader.default_focal_length_factor = DATABASE_FOCAL_FACTOR
-    if mask_path is not None:
-        reader.mask_path = str(mask_path)
+    register_images(database_path, names, sizes_px)
+    camera_of = {image.name: image.camera_id for image in read_images(database_path)}
     extraction = extraction_options(options, num_threads)
     todo = images_without_features(database_path, names)
-    if single_camera and database_path.is_file():
-        with open_database(database_path) as db:
-            cameras = db.read_all_cameras()
-        if cameras:
-            reader.existing_camera_id = cameras[0].camera_id
     done = len(names) - len(todo)
-    for begin in range(0, len(todo), EXTRACT_CHUNK):
-        chunk = list(todo[begin : begin + EXTRACT_CHUNK])
-        pycolmap.extract_features(
-            str(database_path),
-            str(image_path),
-            image_names=chunk,
-            camera_mode=pycolmap.CameraMode.SINGLE
-            if single_camera
-            else pycolmap.CameraMode.PER_IMAGE,
-            reader_options=reader,
-            extraction_options=extraction,
-            device=pycolmap.Device.cpu,
-        )
-        if single_camera and begin == 0 and reader.existing_camera_id < 0:
-            with open_database(database_path) as db:
-                reader.existing_camera_id = db.read_all_cameras()[0].camera_id
-        done += len(chunk)
-        if progress is not None:
-            progress(done, len(names))
+    for camera_id in dict.fromkeys(camera_of[name] for name in todo):
+        reader = pycolmap.ImageReaderOptions()
+        reader.existing_camera_id = camera_id
+        if mask_path is not None:
+            reader.mask_path = str(mask_path)
+        group = [name for name in todo if camera_of[name] == camera_id]
+        for begin in range(0, len(group), EXTRACT_CHUNK):
+            chunk = group[begin : begin + EXTRACT_CHUNK]
+            pycolmap.extract_features(
+                str(database_path),
+                str(image_path),
+                image_names=chunk,
+                camera_mode=pycolmap.CameraMode.SINGLE,
+                reader_options=reader,
+                extraction_options=extraction,
+                device=pycolmap.Device.cpu,
+            )
+            done += len(chunk)
+            if progress is not None:
+                progress(done, len(names))
 
 
 def match_sift(

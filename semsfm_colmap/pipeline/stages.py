@@ -63,15 +63,14 @@ def extract(project: Project, config: Config, reporter: Reporter, *, fresh: bool
     if fresh:
         for suffix in ("", "-wal", "-shm"):
             project.database.with_name(project.database.name + suffix).unlink(missing_ok=True)
-    sizes = {(frame.width_px, frame.height_px) for frame in series.frames}
     with reporter.progress("features") as progress:
         extract_sift(
             project.database,
             project.images,
             series.names,
+            [(frame.width_px, frame.height_px) for frame in series.frames],
             config.features,
             mask_path=project.masks_or_none,
-            single_camera=len(sizes) == 1,
             num_threads=threads(config),
             progress=progress,
         )

@@ -25,7 +25,7 @@ SMALL = SynthesizeOptions(
 @pytest.fixture(scope="session")
 def small_series(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Seven small TIFFs of a spiny grain with truth beside them."""
-    return synthesize(tmp_path_factory.mktemp("small"), SMALL)
+    return synthesize(tmp_path_factory.mktemp("small"), SMALL).parent
 
 
 @pytest.fixture(scope="session")
