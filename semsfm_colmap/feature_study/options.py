@@ -33,6 +33,9 @@ class StudyOptions:
     """Descriptors; the first five are the paper's."""
     max_num_images: int = 10
     """So many consecutive images are compared, from the first one on."""
+    max_num_pairs: int = 0
+    """So many pairs are matched with each descriptor, the first ones; 0 = all. With SIFT it is
+    always all."""
     step: int = 1
     """Every so manieth image is taken: larger angles."""
     true_error_px: float = 2.0
@@ -43,5 +46,7 @@ class StudyOptions:
     """Regions of two detectors are the same when their centres are closer than this."""
     overlap_scale_ratio: float = 1.5
     """... and their scales differ by less than this factor."""
+    exclusion_px: float = 2.0
+    """Descriptors of one spot, closer than this, are no rivals in the ratio test."""
     seed: int = 0
     """Seed of the robust verification."""

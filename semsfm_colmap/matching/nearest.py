@@ -44,6 +44,9 @@ def match_nearest(
     mutual: bool = True,
     max_distance: float = np.inf,
     num_threads: int = 0,
+    xy1: Float | None = None,
+    xy2: Float | None = None,
+    exclusion_px: float = -1.0,
 ) -> NearestMatches:
     """Match each descriptor of the first set to its nearest one in the second.
 
@@ -54,6 +57,9 @@ def match_nearest(
         `mutual`; 1 or more switches it off
     mutual : each must be the other's nearest
     num_threads : 0 takes all processors
+    xy1, xy2, exclusion_px : positions (K, 2) of both sets; a second nearest within this distance of
+        the nearest describes the same spot (another orientation, another simulated view) and is no
+        rival in the ratio; below 0 every other descriptor is
 
     """
     a, b = _checked(descriptors1), _checked(descriptors2)
@@ -63,7 +69,11 @@ def match_nearest(
         return NearestMatches(
             keypoints=np.zeros((0, 2), dtype=np.int64), distance=np.zeros(0), ratio=np.zeros(0)
         )
-    forward, backward = nearest_two(a, b, num_threads=num_threads)
+    if exclusion_px >= 0.0 and (xy1 is None or xy2 is None):
+        raise UsageError(f"{exclusion_px=} needs the positions xy1 and xy2")
+    forward, backward = nearest_two(
+        a, b, num_threads=num_threads, xy1=xy1, xy2=xy2, exclusion_px=exclusion_px
+    )
     first = np.arange(len(a))
     second = forward.index
     keep = forward.best <= np.float32(max_distance) ** 2
@@ -93,7 +103,15 @@ class NearestTwo:
     """inf where the other set has one element"""
 
 
-def nearest_two(a: Array, b: Array, *, num_threads: int = 0) -> tuple[NearestTwo, NearestTwo]:
+def nearest_two(
+    a: Array,
+    b: Array,
+    *,
+    num_threads: int = 0,
+    xy1: Float | None = None,
+    xy2: Float | None = None,
+    exclusion_px: float = -1.0,
+) -> tuple[NearestTwo, NearestTwo]:
     """Nearest and second nearest in both directions.
 
     Ties go to the smaller index. Blocks of rows are multiplied by BLAS, which uses its own
@@ -103,6 +121,8 @@ def nearest_two(a: Array, b: Array, *, num_threads: int = 0) -> tuple[NearestTwo
 
     threads = min(num_threads or os.cpu_count() or 1, MAX_THREADS)
     n1, n2 = len(a), len(b)
+    place1 = _positions(xy1, n1)
+    place2 = _positions(xy2, n2)
     norm1 = np.einsum("kd,kd->k", a, a)
     norm2 = np.einsum("kd,kd->k", b, b)
     rows = max(64, min(n1, BLOCK_BYTES // (4 * n2)))
@@ -126,7 +146,12 @@ def nearest_two(a: Array, b: Array, *, num_threads: int = 0) -> tuple[NearestTwo
                     index1[begin + low : begin + high],
                     best1[begin + low : begin + high],
                     second1[begin + low : begin + high],
-                    *columns[t],
+                    columns[t][0],
+                    columns[t][1],
+                    columns[t][2],
+                    place1,
+                    place2,
+                    exclusion_px,
                 )
                 for t, (low, high) in enumerate(pairwise(edges))
                 if high > low
@@ -135,7 +160,7 @@ def nearest_two(a: Array, b: Array, *, num_threads: int = 0) -> tuple[NearestTwo
                 job.result()
     return (
         NearestTwo(index=index1, best=best1, second=second1),
-        _merged(columns),
+        _merged(columns, place1, exclusion_px),
     )
 
 
@@ -150,12 +175,25 @@ def _empty(n: int) -> tuple[Int, Array, Array]:
     return index, np.full(n, np.inf, dtype=np.float32), np.full(n, np.inf, dtype=np.float32)
 
 
-def _merged(columns: list[tuple[Int, Array, Array]]) -> NearestTwo:
+def _positions(xy: Float | None, num: int) -> Float:
+    if xy is None:
+        return np.zeros((num, 2))
+    if xy.shape != (num, 2):
+        raise UsageError(f"{xy.shape=} but expected ({num}, 2), a position a descriptor")
+    return np.ascontiguousarray(xy, dtype=np.float64)
+
+
+def _merged(columns: list[tuple[Int, Array, Array]], xy: Float, exclusion: float) -> NearestTwo:
     """Nearest two of several partial searches."""
     index, best, second = (part.copy() for part in columns[0])
     for index_t, best_t, second_t in columns[1:]:
         better = (best_t < best) | ((best_t == best) & (index_t >= 0) & (index_t < index))
-        second = np.where(better, np.minimum(best, second_t), np.minimum(second, best_t))
+        loser = np.where(better, best, best_t)
+        if exclusion >= 0.0:
+            # the loser is no rival when it describes the winner's spot
+            same = np.linalg.norm(xy[index] - xy[index_t], axis=1) <= exclusion
+            loser = np.where(same & (index >= 0) & (index_t >= 0), np.float32(np.inf), loser)
+        second = np.minimum(np.where(better, second_t, second), loser)
         index = np.where(better, index_t, index)
         best = np.where(better, best_t, best)
     return NearestTwo(index=index, best=best, second=second)

@@ -8,6 +8,15 @@ import numpy as np
 from semsfm_colmap.types import Array
 
 
+@numba.njit(nogil=True, cache=True, inline="always")
+def apart(xy: Array, a: int, b: int, exclusion: float) -> bool:
+    """True when two positions are farther from each other than `exclusion`."""
+    if exclusion < 0.0:
+        return True
+    dx, dy = xy[a, 0] - xy[b, 0], xy[a, 1] - xy[b, 1]
+    return dx * dx + dy * dy > exclusion * exclusion
+
+
 @numba.njit(nogil=True, cache=True)
 def search_block(
     product: Array,
@@ -20,6 +29,9 @@ def search_block(
     column_index: Array,
     column_best: Array,
     column_second: Array,
+    xy1: Array,
+    xy2: Array,
+    exclusion: float,
 ) -> None:
     """Update the two smallest ``norm1[i] + norm2[j] - 2 product[i, j]`` of rows and columns.
 
@@ -27,6 +39,8 @@ def search_block(
     ----------
     product : (r, n2) float32 scalar products; first_row : number of its first row
     row_* : (r,) and column_* : (n2,) results, changed in place
+    xy1 : (n1, 2), xy2 : (n2, 2) positions of all; a second nearest within `exclusion` of the
+        nearest is the same spot and does not count; below 0 none is excluded
 
     """
     r, n2 = product.shape
@@ -46,14 +60,18 @@ def search_block(
             d = distance[j]
             if d < second:
                 if d < best:
-                    second, best, index = best, d, j
-                else:
+                    if index < 0 or apart(xy2, index, j, exclusion):
+                        second = best
+                    best, index = d, j
+                elif apart(xy2, index, j, exclusion):
                     second = d
             if d < column_second[j]:
+                k = column_index[j]
                 if d < column_best[j]:
-                    column_second[j] = column_best[j]
+                    if k < 0 or apart(xy1, k, first_row + i, exclusion):
+                        column_second[j] = column_best[j]
                     column_best[j] = d
                     column_index[j] = first_row + i
-                else:
+                elif apart(xy1, k, first_row + i, exclusion):
                     column_second[j] = d
         row_best[i], row_second[i], row_index[i] = best, second, index
