@@ -175,7 +175,7 @@ def run_study(
     speed: list[DetectorSpeed] = []
     regions: dict[str, list[Features]] = {}
     repeated: dict[str, tuple[Repeatability, ...]] = {}
-    total = len(study.detectors) * len(study.descriptors)
+    total, done = len(study.detectors) * len(study.descriptors), 0
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for detector in study.detectors:
             features, entry = _timed_features(detector, images, options, pool)
@@ -184,17 +184,21 @@ def run_study(
             if images.transfer is not None:
                 repeated[detector] = _repeatability(images, features, study)
             for descriptor in study.descriptors:
-                described = features
-                # COLMAP's regions come with COLMAP's own SIFT
-                if detector != COLMAP_SIFT or descriptor != "sift":
+                some = num
+                if descriptor != "sift" and study.max_num_pairs > 0:
+                    some = min(num, study.max_num_pairs + 1)
+                described = features[:some]
+                # the features come with SIFT, those of COLMAP with COLMAP's own
+                if descriptor != "sift":
                     describe_one = _describer(descriptor, options.description)
-                    described = list(pool.map(describe_one, images.prepared, features))
-                for k in range(num - 1):
-                    counts.append(
-                        _count_pair(detector, descriptor, k, images, described[k : k + 2], options)
-                    )
+                    described = list(pool.map(describe_one, images.prepared[:some], described))
+                counts += [
+                    _count_pair(detector, descriptor, k, images, described[k : k + 2], options)
+                    for k in range(some - 1)
+                ]
+                done += 1
                 if progress is not None:
-                    progress(len(counts) // (num - 1), total)
+                    progress(done, total)
     return StudyResult(
         series=series_path.parent.name if series_path.name == "images" else series_path.name,
         image_names=images.names,
@@ -253,17 +257,16 @@ def colmap_features(images: StudyImages, detection: DetectorOptions) -> list[Fea
     database = images.folder / "study.db"
     database.unlink(missing_ok=True)
     masks = images.folder / "masks"
-    same_size = len({p.shape for p in images.pixels}) == 1
     extract_sift(
         database,
         images.folder / "images",
         images.names,
+        [(p.shape[1], p.shape[0]) for p in images.pixels],
         SiftOptions(
             max_num_features=detection.max_num_features or 10**6,
             upright=detection.upright,
         ),
         mask_path=masks if masks.is_dir() else None,
-        single_camera=same_size,
     )
     ids = {image.name: image.image_id for image in read_images(database)}
     features = []
@@ -299,7 +302,12 @@ def _count_pair(
     study, matching = options.study, options.matching
     first, second = features
     matches = match_nearest(
-        first.descriptors, second.descriptors, max_ratio=matching.max_ratio
+        first.descriptors,
+        second.descriptors,
+        max_ratio=matching.max_ratio,
+        xy1=first.xy,
+        xy2=second.xy,
+        exclusion_px=study.exclusion_px,
     ).keypoints
     displacement = second.xy[matches[:, 1]] - first.xy[matches[:, 0]]
     plausible = distance_filter(displacement, matching.distance_filter_sigmas)
