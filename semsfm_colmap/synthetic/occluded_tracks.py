@@ -26,7 +26,7 @@ from semsfm_colmap.types import Bool, Float, Int, Observations, OrthographicCame
 
 IMAGE_PX = 1000
 HALF_IMAGE = 1.25
-"""Half the width of the image in units of a body's radius: bodies leave a margin of a fifth."""
+"""Half the width of the image in units of a body's radius: most leave a margin, not long spines."""
 RAY_LIFT = 2e-3
 """Start of the rays above the surface, in radii: a twentieth of a triangle's edge."""
 MARGIN_PX = 8

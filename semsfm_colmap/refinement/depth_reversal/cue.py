@@ -27,10 +27,11 @@ MAX_LOGIT = 9.0
 
 CONVEX_CUES = ("near side", "bulge")
 """Cues that take a body to be convex as a whole."""
-CONVEX_MAX_LOGIT = 3.9
-"""Log odds of 0.98, the most that `CONVEX_CUES` may claim, each and together: about one body in
-fifty with background around it is hollow toward the viewer (cups, broken shells, craters whose
-surroundings have no texture). An assumption, not a fit."""
+CONVEX_MAX_LOGIT = 3.5
+"""Log odds of 0.97, the most that `CONVEX_CUES` may claim, each and together: about one body in a
+hundred is hollow toward the viewer (cups, broken shells, craters whose surroundings have no
+texture), and all of these are among the third of the bodies that nothing but convexity decides. An
+assumption, not a fit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
