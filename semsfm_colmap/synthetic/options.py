@@ -97,7 +97,13 @@ class SynthesizeOptions:
 
 
 def example_options() -> SynthesizeOptions:
-    """The small example: 24 images of a spiny grain, 640 x 480 above a databar, 115 degrees."""
+    """The small example: 24 TIFFs of a spiny grain, 640 x 480 above a databar, 115 degrees."""
     return SynthesizeOptions(
-        scene="grain", num_images=24, step_deg=5.0, width_px=640, height_px=520, databar_rows=40
+        scene="grain",
+        num_images=24,
+        step_deg=5.0,
+        width_px=640,
+        height_px=520,
+        databar_rows=40,
+        image_format="tif",
     )
