@@ -16,6 +16,7 @@ COMMANDS = {
     "report": "metrics and HTML report of a project",
     "inspect": "what the image files say: sizes, pixel size, tilt, problems",
     "evaluate": "compare a project with known truth",
+    "compare-features": "region detectors and descriptors side by side on a series",
     "synthesize": "render an SEM-like series with exact truth",
 }
 
