@@ -76,16 +76,20 @@ def squeeze_image(
     )
     sigma = ANTIALIAS * math.sqrt(view.tilt**2 - 1.0)
     turned = cv2.GaussianBlur(turned, (0, 0), sigmaX=sigma, sigmaY=1e-3)
-    squeeze = np.diag([1.0 / view.tilt, 1.0])
-    size = (max(int(width / view.tilt), 1), int(height))
+    # turned back after the squeeze, so that up stays up
+    back = rotation.T @ np.diag([1.0 / view.tilt, 1.0])
+    matrix = back @ rotation
+    corners = np.array([[0, 0], [w - 1, 0], [0, h - 1], [w - 1, h - 1]]) @ matrix.T
+    shift = -corners.min(axis=0)
+    width, height = np.ceil(np.ptp(corners, axis=0)).astype(int) + 1
+    size = (int(width), int(height))
     squeezed = cv2.warpAffine(
         turned,
-        np.column_stack([squeeze, np.zeros(2)]),
+        np.column_stack([back, back @ low + shift]),
         size,
         flags=cv2.INTER_CUBIC,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    matrix, shift = squeeze @ rotation, -squeeze @ low
     usable = np.full((h, w), 255, np.uint8) if mask is None else mask.astype(np.uint8) * 255
     drawn = cv2.warpAffine(usable, np.column_stack([matrix, shift]), size, flags=cv2.INTER_LINEAR)
     return squeezed, np.asarray(drawn == 255), matrix, shift

@@ -100,3 +100,61 @@ def test_descriptors_of_different_kinds_are_refused():
         match_nearest(np.ones((3, 128)), np.ones((3, 36)))
     with pytest.raises(UsageError, match="expected \\(K, D\\)"):
         match_nearest(np.ones(128), np.ones((3, 128)))
+
+
+def plain_ratio_with_exclusion(a, b, xy, exclusion):
+    """(K,) ratio of the nearest to the nearest that lies elsewhere."""
+    distance = np.linalg.norm(a[:, None].astype(float) - b[None].astype(float), axis=2)
+    ratio = np.zeros(len(a))
+    for i, row in enumerate(distance):
+        best = row.argmin()
+        elsewhere = np.hypot(*(xy - xy[best]).T) > exclusion
+        if elsewhere.any():
+            ratio[i] = row[best] / row[elsewhere].min()
+    return ratio
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_descriptors_of_the_same_spot_are_no_rivals(threads):
+    rng = np.random.default_rng(4)
+    spots, copies = 120, 3
+    a = rng.uniform(0, 100, (spots, 32)).astype(np.float32)
+    b = (a[:, None] + rng.normal(scale=3.0, size=(spots, copies, 32))).astype(np.float32)
+    b = b.reshape(-1, 32)
+    place = 10.0 * np.column_stack([np.arange(spots), np.zeros(spots)])
+    xy2 = np.repeat(place, copies, axis=0) + rng.uniform(-0.3, 0.3, (spots * copies, 2))
+    order = rng.permutation(len(b))
+    b, xy2 = b[order], xy2[order]
+    assert len(match_nearest(a, b, max_ratio=0.6, num_threads=threads).keypoints) < 20
+    found = match_nearest(
+        a, b, max_ratio=0.6, xy1=place, xy2=xy2, exclusion_px=2.0, num_threads=threads
+    )
+    assert len(found.keypoints) == spots
+    i, j = found.keypoints.T
+    assert np.allclose(place[i], xy2[j], atol=0.5)
+    one_way = match_nearest(
+        a,
+        b,
+        max_ratio=1.0,
+        mutual=False,
+        xy1=place,
+        xy2=xy2,
+        exclusion_px=2.0,
+        num_threads=threads,
+    )
+    assert np.allclose(one_way.ratio, plain_ratio_with_exclusion(a, b, xy2, 2.0), rtol=1e-3)
+    # and the other way around, where the copies are rows that threads share
+    back = match_nearest(
+        b, a, max_ratio=0.6, xy1=xy2, xy2=place, exclusion_px=2.0, num_threads=threads
+    )
+    assert np.array_equal(
+        back.keypoints[np.argsort(back.keypoints[:, 1])][:, ::-1], found.keypoints
+    )
+
+
+def test_exclusion_needs_positions():
+    a = np.ones((4, 8), dtype=np.float32)
+    with pytest.raises(UsageError, match="positions"):
+        match_nearest(a, a, exclusion_px=2.0)
+    with pytest.raises(UsageError, match="a position a descriptor"):
+        match_nearest(a, a, xy1=np.zeros((3, 2)), xy2=np.zeros((4, 2)), exclusion_px=2.0)
