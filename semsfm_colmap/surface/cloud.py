@@ -12,7 +12,7 @@ from semsfm_colmap.surface.normals import (
     statistical_inliers,
 )
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.types import Array, Float, Int, PointCloud, Reconstruction
+from semsfm_colmap.types import Array, Bool, Float, Int, PointCloud, Reconstruction
 
 MIN_CLOUD_POINTS = 20
 """Below this no plane fit, let alone a surface, means anything."""
@@ -139,3 +139,44 @@ def smooth_along_normals(cloud: PointCloud, num_neighbors: int, num_iterations: 
         points += step[:, None] * normals
         normals = mean_normal / np.linalg.norm(mean_normal, axis=1, keepdims=True)
     return PointCloud(points=points, normals=normals, colors=cloud.colors, sigma=cloud.sigma)
+
+
+_LAYER_WIDTH = 1.2
+"""Points closer than this many spacings, seen along the normal, compete for one place."""
+_LAYER_DEPTH = 4.0
+"""Layers farther apart than this many spacings are different surfaces."""
+
+
+def dominant_layer(cloud: PointCloud, weight: Float, spacing: float) -> Bool:
+    """Points that no much heavier point above or below them, along the normal, outweighs.
+
+    Depth maps that agree within a tolerance, but not well, leave a second sheet of points beside
+    the surface. Of two points on one normal the one with less than half the other's weight goes;
+    points whose normals differ by more than a right angle are two sides of something thin and
+    do not compete.
+
+    Parameters
+    ----------
+    cloud : N points with normals
+    weight : (N,)
+    spacing : world units
+
+    Returns
+    -------
+    (N,) bool
+
+    """
+    assert cloud.normals is not None
+    points, normals = cloud.points, cloud.normals
+    keep = np.ones(len(points), dtype=bool)
+    distance, idx = nearest_neighbors(points, 24)
+    for k in range(idx.shape[1]):
+        other = idx[:, k]
+        gap = points[other] - points
+        along = np.einsum("ni,ni->n", gap, normals)
+        across = np.sqrt(np.maximum(distance[:, k] ** 2 - along**2, 0.0))
+        same_side = np.einsum("ni,ni->n", normals[other], normals) > 0
+        rival = (across < _LAYER_WIDTH * spacing) & (np.abs(along) > 0.5 * spacing)
+        rival &= (np.abs(along) < _LAYER_DEPTH * spacing) & same_side
+        keep &= ~(rival & (weight < 0.5 * weight[other]))
+    return keep

@@ -31,6 +31,8 @@ class Votes:
     """(H, W) float32, their mean distance outward along the normal, world units"""
     spread: Array
     """(H, W) float32, the deviation of these distances, world units"""
+    best_cosine: Array
+    """(H, W) float32, the largest cosine between the normal and an agreeing map's direction"""
 
 
 def depth_map_unit(
@@ -87,6 +89,7 @@ def vote(
     agreeing = np.zeros(shape, dtype=np.uint8)
     contradicting = np.zeros(shape, dtype=np.uint8)
     sums = np.zeros((3, *shape), dtype=np.float32)
+    best_cosine = np.zeros(shape, dtype=np.float32)
     scaling = np.ones((len(cameras), 2))
     scaling[image_idx] = np.array(shape[::-1]) / image_sizes[image_idx]
     for j in others.tolist():
@@ -113,6 +116,7 @@ def vote(
             agreeing,
             contradicting,
             sums,
+            best_cosine,
         )
     total = np.maximum(sums[0], 1e-12)
     mean = sums[1] / total
@@ -123,6 +127,7 @@ def vote(
         weight=sums[0],
         offset=mean,
         spread=spread,
+        best_cosine=best_cosine,
     )
 
 

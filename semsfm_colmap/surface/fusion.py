@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.surface.cloud import select, smooth_along_normals
+from semsfm_colmap.surface.cloud import dominant_layer, select, smooth_along_normals
 from semsfm_colmap.surface.consistency import camera_normals, depth_map_unit, vote
 from semsfm_colmap.surface.normals import statistical_inliers
 from semsfm_colmap.surface.options import SurfaceOptions
@@ -102,7 +102,7 @@ def fuse(
             progress(done + 1, len(images))
     if grid is None:
         raise InputError("There are no depth maps to fuse: run the densify step first.")
-    return _clean(grid.cloud(), grid.size, options)
+    return _clean(*grid.cloud(), grid.size, options)
 
 
 def _names(depth_maps: Sequence[DepthMap]) -> list[str]:
@@ -138,6 +138,7 @@ def _points(
     cosine = -normals[2]
     keep = np.isfinite(depth_map.depth) & (votes.agreeing >= required)
     keep &= (votes.contradicting < votes.agreeing) & (cosine >= np.cos(np.radians(_MAX_SLANT_DEG)))
+    keep &= cosine >= _MIN_FRONTALITY * votes.best_cosine
     y, x = np.nonzero(keep)
     own = np.maximum(confidence[keep], 1e-3) * cosine[keep]
     total = own + votes.weight[keep]
@@ -163,6 +164,8 @@ def back_project(
 
 _MAX_SLANT_DEG = 75.0
 """Steeper surface is left to images that see it better."""
+_MIN_FRONTALITY = 0.7
+"""A map leaves a pixel to the others when one of them sees its surface this much more frontally."""
 
 
 def _others(
@@ -212,26 +215,28 @@ class _Grid:
         )
         self._waiting, self._num_waiting = [], 0
 
-    def cloud(self) -> PointCloud:
-        """The weighted mean of each cell."""
+    def cloud(self) -> tuple[PointCloud, Float]:
+        """The weighted mean of each cell, and its weight."""
         if self._waiting:
             self._merge()
         mean = self._sums[:, 1:] / np.maximum(self._sums[:, :1], 1e-300)
         normals = mean[:, 3:6]
         normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         grey = np.clip(np.rint(mean[:, 6:7]), 0, 255).astype(np.uint8)
-        return PointCloud(
+        cloud = PointCloud(
             points=mean[:, :3],
             normals=normals,
             colors=np.repeat(grey, 3, axis=1),
             sigma=np.sqrt(mean[:, 7]),
         )
+        return cloud, self._sums[:, 0]
 
 
-def _clean(cloud: PointCloud, size: float, options: SurfaceOptions) -> PointCloud:
-    """Without stray points and small islands, lightly smoothed."""
+def _clean(cloud: PointCloud, weight: Float, size: float, options: SurfaceOptions) -> PointCloud:
+    """One layer of points without stray ones and small islands, lightly smoothed."""
     if len(cloud.points) <= options.num_outlier_neighbors:
         return cloud
+    cloud = select(cloud, dominant_layer(cloud, weight, size))
     cloud = select(
         cloud,
         statistical_inliers(cloud.points, options.num_outlier_neighbors, options.max_outlier_sigma),

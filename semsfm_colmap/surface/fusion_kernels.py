@@ -29,6 +29,7 @@ def add_votes(
     agreeing: Array,
     contradicting: Array,
     sums: Array,
+    best_cosine: Array,
 ) -> None:
     """Compare one depth map with another and add up, in place.
 
@@ -51,6 +52,7 @@ def add_votes(
         are not interpolated
     agreeing, contradicting : (H, W) uint8
     sums : (3, H, W) float32: weights w, w delta, w delta^2 of the agreeing maps
+    best_cosine : (H, W) float32, how frontal the most frontal agreeing map sees the surface
 
     """
     H, W = depth.shape
@@ -99,5 +101,6 @@ def add_votes(
                 sums[0, y, x] += w
                 sums[1, y, x] += w * delta
                 sums[2, y, x] += w * delta * delta
+                best_cosine[y, x] = max(best_cosine[y, x], cosine)
             elif delta < -free_tolerance:
                 contradicting[y, x] += 1

@@ -15,7 +15,7 @@ from semsfm_colmap.types import Float, Int
 
 
 def boundary_loops(faces: Int) -> list[Int]:
-    """The holes' boundaries as vertex loops, in the direction that a filling face needs."""
+    """The holes' boundaries, in the direction that a filling face needs, no vertex twice in one."""
     opposite = opposite_halfedge(faces)
     boundary = np.flatnonzero(opposite < 0)
     following = next_in_face(boundary)
@@ -32,8 +32,26 @@ def boundary_loops(faces: Int) -> list[Int]:
         while h != first:
             loop.append(h)
             h = successor.pop(h)
-        loops.append(np.asarray(start[loop][::-1]))
+        loops += _simple_loops(start[loop][::-1].tolist())
     return loops
+
+
+def _simple_loops(loop: list[int]) -> list[Int]:
+    """Cut a closed walk into loops that visit no vertex twice."""
+    loops: list[Int] = []
+    path: list[int] = []
+    place: dict[int, int] = {}
+    for vertex in loop:
+        if vertex in place:
+            first = place[vertex]
+            loops.append(np.array(path[first:]))
+            for left in path[first + 1 :]:
+                del place[left]
+            del path[first + 1 :]
+        else:
+            place[vertex] = len(path)
+            path.append(vertex)
+    return [*loops, np.array(path)] if len(path) > 1 else loops
 
 
 def fill_holes(vertices: Float, faces: Int, normals: Float, max_edges: int) -> Int:
@@ -53,7 +71,7 @@ def fill_holes(vertices: Float, faces: Int, normals: Float, max_edges: int) -> I
     edges = set(directed_keys(faces, num).tolist())
     added: list[Int] = []
     for loop in boundary_loops(faces):
-        if not 3 <= len(loop) <= max_edges or len(np.unique(loop)) < len(loop):
+        if not 3 <= len(loop) <= max_edges:
             continue
         i, j = np.triu_indices(len(loop), 1)
         lo, hi = loop[i], loop[j]

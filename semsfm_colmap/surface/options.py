@@ -67,7 +67,7 @@ class SurfaceOptions:
     """A point this far in front of another map's surface is contradicted by it."""
     min_consistent_maps: int = 2
     """Other depth maps that must agree with a point."""
-    spacing_px: float = 1.5
+    spacing_px: float = 2.0
     """Distance between the points of the fused cloud, in px of the depth maps."""
 
     # mesh
@@ -75,9 +75,9 @@ class SurfaceOptions:
     """Ball pivoting keeps to the points and leaves open what was not seen; Poisson closes it."""
     ball_radius_factors: tuple[float, ...] = (1.0, 2.0, 4.0)
     """Ball radii in units of the median distance to the 8th neighbour."""
-    thinning_factor: float = 0.5
+    thinning_factor: float = 0.6
     """Grid on which points are merged before meshing, in the same unit; 0 keeps all."""
-    num_smoothing_iterations: int = 2
+    num_smoothing_iterations: int = 1
     """Passes that move points along their normals onto the local surface; 0 keeps the noise."""
     min_component_fraction: float = 0.01
     """Pieces with fewer faces than this share of the largest piece are dropped."""

@@ -1,14 +1,19 @@
 """Make a triangle soup an oriented manifold: no duplicate faces, no branching edges, few holes.
 
 The steps of `repair` in their order: drop faces without area, turn faces outside, cut where more
-than two faces meet, drop crumbs, fill holes. What the words mean is in `halfedges.py`.
+than two faces meet, drop fins and crumbs, fill holes. What the words mean is in `halfedges.py`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from semsfm_colmap.surface.halfedges import component_labels, directed_keys, vertex_fans
+from semsfm_colmap.surface.halfedges import (
+    component_labels,
+    directed_keys,
+    opposite_halfedge,
+    vertex_fans,
+)
 from semsfm_colmap.surface.holes import fill_holes
 from semsfm_colmap.types import Array, Float, Int
 
@@ -35,6 +40,7 @@ def repair(
     faces = drop_degenerate(vertices, faces)
     faces = face_outside(vertices, faces, cloud_normals)
     faces = drop_branches(vertices, faces)
+    faces = drop_fins(faces)
     faces = drop_small_components(faces, min_component_fraction)
     if max_hole_edges > 0:
         faces = fill_holes(vertices, faces, cloud_normals, max_hole_edges)
@@ -88,6 +94,16 @@ def drop_branches(vertices: Float, faces: Int) -> Int:
         keep = np.ones(len(faces), dtype=bool)
         keep[face_idx[order[repeated]]] = False
         faces = faces[keep]
+    return faces
+
+
+def drop_fins(faces: Int, num_rounds: int = 2) -> Int:
+    """Remove faces that hang on by one edge or by vertices only, which fray the boundary."""
+    for _ in range(num_rounds):
+        free = (opposite_halfedge(faces) < 0).reshape(-1, 3).sum(axis=1)
+        if not (free >= 2).any():
+            break
+        faces = faces[free < 2]
     return faces
 
 
