@@ -178,7 +178,7 @@ def run_study(
     total, done = len(study.detectors) * len(study.descriptors), 0
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for detector in study.detectors:
-            features, entry = _timed_features(detector, images, options, pool)
+            features, entry = time_features(detector, images, options, pool)
             speed.append(entry)
             regions[detector] = features
             if images.transfer is not None:
@@ -224,7 +224,7 @@ def _describer(
     return describe_one
 
 
-def _timed_features(
+def time_features(
     detector: str, images: StudyImages, options: CompareOptions, pool: ThreadPoolExecutor
 ) -> tuple[list[Features], DetectorSpeed]:
     """Regions of all images; the time includes scale space, detection and SIFT."""

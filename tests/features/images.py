@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 
-def textured(shape=(240, 320), seed=0, margin=0):
+def textured(shape=(240, 320), seed=0):
     """Band-limited noise with structure at several scales, 8-bit range, as float64."""
+    return _textured(tuple(shape), seed).copy()
+
+
+@lru_cache
+def _textured(shape, seed):
     import cv2
 
     rng = np.random.default_rng(seed)
-    h, w = shape[0] + 2 * margin, shape[1] + 2 * margin
+    h, w = shape
     image = np.zeros((h, w))
     for sigma, weight in ((1.5, 1.0), (3.0, 1.0), (6.0, 1.0), (12.0, 1.0)):
         layer = cv2.GaussianBlur(rng.normal(size=(h, w)), (0, 0), sigma)
