@@ -328,9 +328,13 @@ def report(project: Project, record: RunRecord, reporter: Reporter) -> Summary:
     reconstruction = read_main_model(project)
     mapping = record.stages.get("map", {}).get("summary", {})
     pairs = record.stages.get("match", {}).get("summary", {}).get("pairs", [])
-    notes = [*series.warnings]
-    for stage in record.stages.values():
-        notes += stage.get("summary", {}).get("notes", [])
+    # the report says itself what the series and the verdict on the hand say
+    notes = [
+        note
+        for stage in record.stages.values()
+        for note in stage.get("summary", {}).get("notes", [])
+        if note != reconstruction.depth_sign.message
+    ]
     mesh_file, cloud_file = project.mesh / "mesh.ply", project.dense / "fused.ply"
     models = mapping.get("models", [])
     rounds = mapping.get("rounds", [])

@@ -1,0 +1,54 @@
+"""SIGKILL at any moment: nothing half-written, and the next run ends with the same model."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from semsfm_colmap.colmap.library import pycolmap
+
+
+def start(images, project):
+    return subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "semsfm_colmap.cli.main",
+            "reconstruct",
+            str(images),
+            "--output_path",
+            str(project),
+            "-q",
+        ],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stage", ["extract", "match", "map", "densify"])
+def test_a_killed_run_is_finished_by_the_next_one(stage, small_series, small_project, tmp_path):
+    project = tmp_path / "p"
+    process = start(small_series / "images", project)
+    record = project / "run.json"
+    # wait until the stage has begun, then let it get somewhere
+    while process.poll() is None:
+        if record.is_file() and f'"{stage}"' in record.read_text():
+            break
+        time.sleep(0.02)
+    time.sleep(0.2)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    again = start(small_series / "images", project)
+    _, err = again.communicate(timeout=300)
+    assert again.returncode == 0, err.decode()
+    for name in ("points3D.bin", "images.bin", "orthographic.json"):
+        first, second = (p / "sparse" / "0" / name for p in (small_project, project))
+        assert first.read_bytes() == second.read_bytes()
+    with pycolmap.Database.open(str(project / "database.db")) as db:
+        assert db.num_images() == 7
+        assert db.num_verified_image_pairs() > 6
+    assert not [p for p in project.rglob(".*") if p.name.endswith((".part", ".old"))]
