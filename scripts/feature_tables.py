@@ -56,13 +56,9 @@ def series_section(folder: Path) -> list[str]:
         body = []
         for detector in dict.fromkeys(entry["detector"] for entry in entries):
             mine = {e["angle_deg"]: e for e in entries if e["detector"] == detector}
-            body.append(
-                [detector]
-                + [
-                    f"{float(mine[a]['repeatability']):.2f}, {float(mine[a]['median_error_px']):.2f}"
-                    for a in angles
-                ]
-            )
+            keys = ("repeatability", "median_error_px")
+            cells = [", ".join(f"{float(mine[a][key]):.2f}" for key in keys) for a in angles]
+            body.append([detector, *cells])
         lines += table([["", *(f"{float(a):.0f} deg" for a in angles)], *body])
     shares = read(folder / "table1.csv")
     lines += ["Overlap of detectors, percent of all regions of both.", ""]

@@ -83,7 +83,7 @@ def counts_figure(result: StudyResult) -> Figure:
     for axes, detector in zip(panels, result.detectors, strict=False):
         for k, (key, label, color) in enumerate(STAGES):
             heights = [
-                mean_of(result.select(detector, descriptor), key)
+                mean_of(result.select_common(detector, descriptor), key)
                 for descriptor in result.descriptors
             ]
             axes.bar(x + 0.27 * (k - 1), heights, 0.27, color=color, label=label)
@@ -157,7 +157,7 @@ def truth_figure(result: StudyResult) -> Figure:
         panels[1].plot(angle, [r.error_px for r in entries], **style)
         panels[2].plot(
             range(len(result.descriptors)),
-            [mean_of(result.select(detector, d), "true_robust") for d in result.descriptors],
+            [mean_of(result.select_common(detector, d), "true_robust") for d in result.descriptors],
             **style,
         )
     for axes, label in zip(

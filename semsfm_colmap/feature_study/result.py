@@ -71,6 +71,14 @@ class StudyResult:
         """The pairs of one combination, in order."""
         return [c for c in self.counts if (c.detector, c.descriptor) == (detector, descriptor)]
 
+    def select_common(self, detector: str, descriptor: str) -> list[PairCount]:
+        """Those that every combination has, so that averages compare the same pairs."""
+        firsts: dict[tuple[str, str], set[int]] = {}
+        for c in self.counts:
+            firsts.setdefault((c.detector, c.descriptor), set()).add(c.first)
+        common = set.intersection(*firsts.values()) if firsts else set()
+        return [c for c in self.select(detector, descriptor) if c.first in common]
+
 
 def mean_of(counts: Sequence[PairCount], key: str) -> float:
     """Average of a column over the pairs."""

@@ -48,7 +48,7 @@ def _figure12(result: StudyResult) -> list[Sequence[object]]:
     rows: list[Sequence[object]] = [header + (truth if result.has_truth else [])]
     for detector in result.detectors:
         for descriptor in result.descriptors:
-            counts = result.select(detector, descriptor)
+            counts = result.select_common(detector, descriptor)
             row: list[object] = [detector, descriptor]
             row += [f"{mean_of(counts, key):.1f}" for key in ("matched", "heuristic", "robust")]
             if result.has_truth:

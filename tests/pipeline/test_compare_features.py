@@ -66,6 +66,9 @@ def test_the_study_writes_figures_and_tables_and_its_numbers_make_sense(series, 
     # SIFT on both pairs, the other descriptor on the first only
     assert len(result.select("edge-laplace", "sift")) == 2
     assert len(result.select("edge-laplace", "gloh")) == 1
+    # and averages over what both have
+    first = result.select("edge-laplace", "sift")[0]
+    assert float(rows["edge-laplace", "sift"]["matched"]) == first.matched
     for row in read(tmp_path / "table1.csv"):
         assert float(row[row["percent"]]) == 100.0
     shares = [r.share for r in result.repeatability["harris-hessian-laplace"]]
