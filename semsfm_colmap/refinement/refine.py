@@ -319,7 +319,8 @@ def refine(
             # a norm of two coordinates: sqrt(2) sigma is one standard deviation
             floor = options.min_threshold_sigmas * np.sqrt(2.0) * fit.sigma_px
             images, cameras = register_more(fit, observations, max(threshold, floor), options, rng)
-        allowed = max(threshold, floor)
+        # the estimate of sigma wavers a little; a round is never more lenient than the one before
+        allowed = min(max(threshold, floor), rounds[-1].threshold_px if rounds else np.inf)
         fit = _adjust(cameras, images, observations, allowed, options, solver, seed)
         if fit is None:
             return Solution(

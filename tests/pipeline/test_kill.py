@@ -41,7 +41,7 @@ def test_a_killed_run_is_finished_by_the_next_one(stage, small_series, small_pro
         time.sleep(0.02)
     time.sleep(0.2)
     os.kill(process.pid, signal.SIGKILL)
-    process.wait()
+    process.communicate()
     again = start(small_series / "images", project)
     _, err = again.communicate(timeout=300)
     assert again.returncode == 0, err.decode()
