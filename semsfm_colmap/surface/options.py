@@ -89,7 +89,7 @@ class SurfaceOptions:
     """Share of the least supported Poisson vertices to cut away."""
 
     # texture
-    max_texture_faces: int = 20000
-    """The textured mesh is decimated to so many faces; mesh.ply keeps all."""
-    texture_size_px: int = 2048
-    """Width and height of the texture."""
+    max_texture_faces: int = 40_000
+    """The textured mesh is reduced to at most this many faces; mesh.ply keeps all."""
+    max_texture_size_px: int = 4096
+    """The texture has about one texel per px of the images, but is no larger than this."""

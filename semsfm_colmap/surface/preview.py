@@ -50,7 +50,7 @@ def render_mesh(
     mesh : with F >= 1 faces
     cam_from_world : (3, 3) view; identity when None
     size_px : width, height
-    use_colors : vertex colours instead of grey
+    use_colors : the texture, or else the vertex colours, instead of grey
     smooth : interpolate vertex normals, otherwise one normal a face
 
     Returns
@@ -87,7 +87,9 @@ def render_mesh(
         corner = vertex_normals(vertices, mesh.faces)[mesh.faces[face]]
         normal = np.einsum("nk,nki->ni", weight, corner)
     color = np.tile(np.asarray(SURFACE_GREY, dtype=np.float64), (len(face), 1))
-    if use_colors and mesh.vertex_colors is not None:
+    if use_colors and mesh.uv is not None and mesh.texture is not None:
+        color = _sample(mesh.texture, np.einsum("nk,nki->ni", weight, mesh.uv[face]))
+    elif use_colors and mesh.vertex_colors is not None:
         color = np.einsum("nk,nki->ni", weight, mesh.vertex_colors[mesh.faces[face]].astype(float))
     color[inside] = INSIDE_COLOR
     normal = np.where(inside[:, None], -normal, normal)
@@ -163,6 +165,18 @@ def _fit(points: Float, width: int, height: int) -> tuple[Float, float]:
     room = (1.0 - 2.0 * _MARGIN) * np.array([width, height])
     pixel = float(np.max(extent / room))
     return np.asarray(0.5 * (low + high) - 0.5 * pixel * np.array([width, height])), pixel
+
+
+def _sample(texture: Array, uv: Float) -> Float:
+    """Bilinear texture values at coordinates with the origin at the bottom left: (n, 3)."""
+    height, width = texture.shape[:2]
+    x = np.clip(uv[:, 0] * width - 0.5, 0.0, width - 1.001)
+    y = np.clip((1.0 - uv[:, 1]) * height - 0.5, 0.0, height - 1.001)
+    ix, iy = x.astype(np.int64), y.astype(np.int64)
+    fx, fy = (x - ix)[:, None], (y - iy)[:, None]
+    top = (1.0 - fx) * texture[iy, ix] + fx * texture[iy, ix + 1]
+    low = (1.0 - fx) * texture[iy + 1, ix] + fx * texture[iy + 1, ix + 1]
+    return np.asarray((1.0 - fy) * top + fy * low)
 
 
 def _lambert(normals: Float) -> Float:

@@ -37,7 +37,7 @@ def read_raster(
     import cv2
 
     path = image_path / name
-    grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    grey = _read_grey(path)
     if grey is None:
         raise InputError(f"{path} cannot be read as an image: prepare the images again.")
     if (grey.shape[1], grey.shape[0]) != tuple(size):
@@ -50,12 +50,24 @@ def read_raster(
     usable = np.ones(small.shape, dtype=bool)
     mask_file = None if mask_path is None else mask_path / f"{name}.png"
     if mask_file is not None and mask_file.exists():
-        mask = cv2.imread(str(mask_file), cv2.IMREAD_GRAYSCALE)
+        mask = _read_grey(mask_file)
         if mask is None or mask.shape != grey.shape:
             raise InputError(f"{mask_file} is not a mask of the size of {path}: delete or redo it.")
         shrunk = cv2.resize((mask > 0).astype(np.float32), target, interpolation=cv2.INTER_AREA)
         usable = shrunk > 0.5
     return Raster(grey=small, usable=usable, noise=noise_deviation(small))
+
+
+def _read_grey(path: Path) -> Array | None:
+    """Pixels of an image file, or None; through numpy, as cv2.imread cannot open every path."""
+    import cv2
+
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+        grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
+    except (OSError, cv2.error):
+        return None
+    return None if grey is None else np.asarray(grey)
 
 
 def noise_deviation(grey: Array) -> float:

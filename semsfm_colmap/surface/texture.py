@@ -1,31 +1,37 @@
-"""Texture: every face gets the grey values of the image that sees it best.
+"""A texture for a mesh: an atlas, and for each texel the images that see it best.
 
-The mesh is unfolded into an atlas (xatlas). A texel's place on the surface follows from casting a
-ray through the flat atlas; its grey value from projecting that place into the face's image, exact
-under parallel projection. The image of a face is the one it faces most directly among those that
-see its centre, smoothed over neighbouring faces so that seams are few. SEM gains differ between
-images: each image is scaled to the grey values that the fused cloud has from all of them.
+Under parallel projection a triangle maps affinely into each image, so a texel's place follows from
+its corners' by barycentric interpolation. An image counts at a vertex when no surface hides it
+(one ray), with a weight that falls off quickly from the most frontal image on: few images mix,
+details stay sharp, and since the weights are continuous over the mesh there are no seams. SEM
+images differ in contrast and brightness; one gain per image, fitted to the greys of shared
+vertices, takes the differences out.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.surface.halfedges import opposite_halfedge
+from semsfm_colmap.errors import UsageError
 from semsfm_colmap.surface.open3d_import import import_open3d
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.surface.repair import face_normals, vertex_normals
-from semsfm_colmap.types import Array, Float, Int, Reconstruction, TriangleMesh
+from semsfm_colmap.surface.rasters import read_raster
+from semsfm_colmap.surface.repair import vertex_normals
+from semsfm_colmap.types import Array, Float, Reconstruction, TriangleMesh
 
-MAX_VIEWS = 36
-"""Images that are tried; of longer series so many, evenly."""
-GUTTER_PX = 4
-"""Texels around each chart that are filled from it, so that filtering does not show seams."""
-NO_VIEW = -1
+_MIN_COSINE = 0.2
+"""Images that see a vertex at a steeper slant than 78 degrees do not count."""
+_SHARPNESS = 12
+"""Weight ``(cos / best cos)^12``: half at an image 19 degrees off a frontal one."""
+_RAY_START_PX = 2.0
+"""Rays start this far above the surface, so that its own noise does not hide it."""
+_NUM_GAIN_ROUNDS = 8
+_BORDER_TEXELS = 2.0
+"""Width of the border around each chart; the packer keeps charts twice as far apart."""
 
 
 def texture_mesh(
@@ -33,205 +39,189 @@ def texture_mesh(
     reconstruction: Reconstruction,
     image_path: Path | str,
     options: SurfaceOptions,
+    *,
+    progress: Callable[[int, int], None] | None = None,
 ) -> TriangleMesh:
-    """The mesh with texture coordinates and a texture.
+    """Reduce a mesh to `options.max_texture_faces` faces and texture it from the images.
 
     Parameters
     ----------
-    mesh : in the world of the reconstruction; decimated to `max_texture_faces`
-    reconstruction : its cameras and image names
+    mesh : F >= 1 faces, facing outside
+    reconstruction : the cameras
     image_path : folder of the prepared images
+    options : number of faces, size of the texture
+    progress : called after each image
 
     Returns
     -------
-    TriangleMesh with ``uv`` (F, 3, 2), origin bottom left, and ``texture`` (H, W, 3)
+    TriangleMesh with ``uv (F, 3, 2)`` and ``texture (H, W, 3)``; texels that no image sees take
+    the vertex colours
+
     """
-    import xatlas
+    from semsfm_colmap.surface.texture_kernels import add_image, rasterize
 
-    mesh = decimate(mesh, options.max_texture_faces)
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    atlas = xatlas.Atlas()
-    atlas.add_mesh(vertices.astype(np.float32), faces.astype(np.uint32))
-    pack = xatlas.PackOptions()
-    pack.resolution = options.texture_size_px
-    pack.padding = GUTTER_PX
-    pack.create_image = False
-    atlas.generate(xatlas.ChartOptions(), pack)
-    mapping, flat, uv = atlas[0]
-    # xatlas keeps the order of the faces; pages beyond the first do not occur at this resolution
-    corners = np.asarray(uv, dtype=np.float64)[flat]
-    view = best_views(mesh, reconstruction)
-    texture = bake(mesh, corners, view, reconstruction, Path(image_path), options.texture_size_px)
-    assert len(flat) == len(faces)
-    assert np.array_equal(np.asarray(mapping)[flat], faces)
-    return replace(mesh, uv=corners, texture=texture)
+    if len(mesh.faces) == 0:
+        raise UsageError("mesh has no faces: there is nothing to texture.")
+    mesh = simplify(mesh, options.max_texture_faces)
+    unit = 1.0 / float(np.median(reconstruction.cameras.scale_px_per_unit))
+    uv, size = _atlas(mesh, unit, options.max_texture_size_px)
+    texels = uv * size
+    texels[..., 1] = size - texels[..., 1]
+    face, bary = rasterize(texels, size, size, _BORDER_TEXELS)
+
+    weight = view_weights(mesh, reconstruction, _RAY_START_PX * unit)
+    gain = _gains(mesh, weight, reconstruction, Path(image_path))
+    total = np.zeros((size, size), dtype=np.float32)
+    norm = np.zeros((size, size), dtype=np.float32)
+    corners = np.ascontiguousarray(mesh.faces)
+    for i in range(reconstruction.num_images):
+        grey = _grey(reconstruction, Path(image_path), i) * np.float32(gain[i])
+        xy = _project(mesh, reconstruction, i).astype(np.float32)
+        add_image(face, bary, corners, xy, weight[i], grey, total, norm)
+        if progress is not None:
+            progress(i + 1, reconstruction.num_images)
+    seen = norm > 0
+    picture = np.where(seen, total / np.maximum(norm, 1e-20), 0.0)
+    unseen = (face >= 0) & ~seen
+    picture[unseen] = _vertex_grey(mesh, face[unseen], bary[unseen])
+    picture[face < 0] = np.median(picture[seen]) if seen.any() else 128.0
+    grey8 = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    return replace(mesh, uv=uv, texture=np.repeat(grey8[..., None], 3, axis=2))
 
 
-def decimate(mesh: TriangleMesh, max_faces: int) -> TriangleMesh:
-    """Quadric decimation to at most `max_faces`, vertex colours from the nearest old vertex."""
+def simplify(mesh: TriangleMesh, max_faces: int) -> TriangleMesh:
+    """Quadric decimation (Garland and Heckbert 1997) when there are more than `max_faces` faces."""
     if len(mesh.faces) <= max_faces:
         return mesh
     from scipy.spatial import cKDTree
 
     o3d = import_open3d()
-    coarse = o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(np.array(mesh.vertices)),
+    full = o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(np.array(mesh.vertices, dtype=float)),
         o3d.utility.Vector3iVector(np.array(mesh.faces, dtype=np.int32)),
-    ).simplify_quadric_decimation(max_faces)
-    coarse.remove_degenerate_triangles()
-    coarse.remove_duplicated_triangles()
-    coarse.remove_unreferenced_vertices()
-    vertices, faces = np.asarray(coarse.vertices), np.asarray(coarse.triangles).astype(np.int64)
-    nearest = np.asarray(cKDTree(mesh.vertices).query(vertices)[1])
+    )
+    small = full.simplify_quadric_decimation(max_faces)
+    small.remove_degenerate_triangles()
+    small.remove_unreferenced_vertices()
+    vertices = np.array(small.vertices)
+    faces = np.asarray(small.triangles).astype(np.int64)
+    colors = None
+    if mesh.vertex_colors is not None:
+        colors = mesh.vertex_colors[cKDTree(mesh.vertices).query(vertices)[1]]
     return TriangleMesh(
         vertices=vertices,
         faces=faces,
         vertex_normals=vertex_normals(vertices, faces),
-        vertex_colors=None if mesh.vertex_colors is None else mesh.vertex_colors[nearest],
+        vertex_colors=colors,
     )
 
 
-def ray_scene(vertices: Float, faces: Int) -> Any:
-    """An open3d scene for ray casting."""
+def view_weights(mesh: TriangleMesh, reconstruction: Reconstruction, start: float) -> Array:
+    """How much each image counts at each vertex: (M, V) float32.
+
+    Zero where the vertex is outside the image, hidden, or seen at a grazing angle; else
+    ``(cos / best cos)^12`` with the cosine of the angle between normal and viewing direction.
+    """
     o3d = import_open3d()
     scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor(np.ascontiguousarray(vertices, dtype=np.float32)),
-        o3d.core.Tensor(np.ascontiguousarray(faces, dtype=np.uint32)),
-    )
-    return scene
-
-
-def best_views(mesh: TriangleMesh, reconstruction: Reconstruction) -> Int:
-    """For every face the image that sees it most directly, NO_VIEW where none does: (F,)."""
-    o3d = import_open3d()
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    normals = face_normals(vertices, faces)
-    centre = vertices[faces].mean(axis=1)
-    scene = ray_scene(vertices, faces)
-    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    M = reconstruction.num_images
-    views = np.unique(np.linspace(0, M - 1, min(M, MAX_VIEWS)).round().astype(int))
+    scene.add_triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
+    normals = vertex_normals(mesh.vertices, mesh.faces)
     direction = reconstruction.cameras.viewing_direction
-    score = np.full((len(views), len(faces)), -np.inf)
-    for k, i in enumerate(views):
-        facing = -normals @ direction[i]
-        rows = np.flatnonzero(facing > 0.15)
-        xy = reconstruction.cameras.project(centre[rows], np.full(len(rows), i))
-        inside = np.all((xy > 1.0) & (xy < reconstruction.image_size_px[i] - 1.0), axis=1)
-        rows = rows[inside]
-        # step off the surface along the ray, so that the face does not hide itself
-        origin = centre[rows] - 1e-3 * size * direction[i]
-        rays = np.concatenate([origin, np.tile(-direction[i], (len(rows), 1))], axis=1)
+    cosine = np.zeros((reconstruction.num_images, len(mesh.vertices)), dtype=np.float32)
+    for i in range(reconstruction.num_images):
+        towards = -normals @ direction[i]
+        xy = _project(mesh, reconstruction, i)
+        inside = ((xy > 1.0) & (xy < reconstruction.image_size_px[i] - 1.0)).all(axis=1)
+        idx = np.flatnonzero(inside & (towards > _MIN_COSINE))
+        origin = mesh.vertices[idx] + start * (normals[idx] - direction[i])
+        rays = np.column_stack([origin, np.broadcast_to(-direction[i], origin.shape)])
         hidden = scene.test_occlusions(o3d.core.Tensor(rays.astype(np.float32))).numpy()
-        score[k, rows[~hidden]] = facing[rows[~hidden]]
-    best = np.where(np.isfinite(score.max(axis=0)), views[score.argmax(axis=0)], NO_VIEW)
-    return smooth_labels(best.astype(np.int64), score, views, faces)
+        cosine[i, idx[~hidden]] = towards[idx[~hidden]]
+    best = np.maximum(cosine.max(axis=0), 1e-6)
+    weight = (cosine / best) ** _SHARPNESS
+    weight[weight < 0.02] = 0.0
+    return np.asarray(weight, dtype=np.float32)
 
 
-def smooth_labels(label: Int, score: Float, views: Int, faces: Int, rounds: int = 4) -> Int:
-    """Let faces take their neighbours' image where it sees them nearly as well."""
-    opposite = opposite_halfedge(faces).reshape(-1, 3)
-    neighbour = np.where(opposite >= 0, opposite // 3, -1)
-    number = np.full(int(views.max()) + 2, -1)
-    number[views] = np.arange(len(views))
-    rows = np.arange(len(label))
-    for _ in range(rounds):
-        around = np.where(neighbour >= 0, label[neighbour], NO_VIEW)
-        # two of three neighbours agree
-        agreed = np.where(
-            around[:, 0] == around[:, 1],
-            around[:, 0],
-            np.where(around[:, 1] == around[:, 2], around[:, 1], around[:, 2]),
-        )
-        pairs = (
-            (around[:, 0] == around[:, 1])
-            | (around[:, 1] == around[:, 2])
-            | (around[:, 0] == around[:, 2])
-        )
-        agreed = np.where(around[:, 0] == around[:, 2], around[:, 0], agreed)
-        candidate = number[agreed]
-        theirs = np.where(candidate >= 0, score[candidate, rows], -np.inf)
-        mine = np.where(label >= 0, score[number[label], rows], -np.inf)
-        change = pairs & (agreed >= 0) & (theirs > 0.6 * mine) & np.isfinite(theirs)
-        label = np.where(change, agreed, label)
-    return label
+def balance_gains(grey: Float, weight: Array) -> Float:
+    """One gain per image so that images agree where they see the same: (M, V), (M, V) -> (M,).
+
+    Minimises ``sum w_iv (g_i I_iv - T_v)^2`` over the gains and the common greys T in turn, with
+    the mean logarithm of the gains fixed at 0. An image without any weight keeps the gain 1.
+    """
+    gain = np.ones(len(grey))
+    used = weight.sum(axis=1) > 0
+    for _ in range(_NUM_GAIN_ROUNDS):
+        norm = weight.sum(axis=0)
+        common = (weight * grey * gain[:, None]).sum(axis=0) / np.maximum(norm, 1e-12)
+        num = (weight * grey * common).sum(axis=1)
+        den = (weight * grey * grey).sum(axis=1)
+        gain[used] = num[used] / np.maximum(den[used], 1e-12)
+        gain[used] /= np.exp(np.mean(np.log(np.maximum(gain[used], 1e-6))))
+    return gain
 
 
-def bake(
-    mesh: TriangleMesh,
-    corners: Float,
-    view: Int,
-    reconstruction: Reconstruction,
-    image_path: Path,
-    size_px: int,
-) -> Array:
-    """Grey values of all texels: (size, size, 3) uint8, row 0 at v = 1."""
+def _gains(
+    mesh: TriangleMesh, weight: Array, reconstruction: Reconstruction, image_path: Path
+) -> Float:
     import cv2
 
-    o3d = import_open3d()
-    F = len(mesh.faces)
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    flat = np.concatenate([corners.reshape(-1, 2), np.zeros((3 * F, 1))], axis=1)
-    scene = ray_scene(flat, np.arange(3 * F).reshape(F, 3))
-    grid = (np.arange(size_px) + 0.5) / size_px
-    texture = np.zeros((size_px, size_px), dtype=np.float32)
-    face_of = np.full((size_px, size_px), -1, dtype=np.int64)
-    place = np.zeros((size_px, size_px, 3), dtype=np.float32)
-    u, v = np.meshgrid(grid, 1.0 - grid)
-    rays = np.zeros((size_px, size_px, 6), dtype=np.float32)
-    rays[..., 0], rays[..., 1], rays[..., 2], rays[..., 5] = u, v, 1.0, -1.0
-    hit = scene.cast_rays(o3d.core.Tensor(rays))
-    face = hit["primitive_ids"].numpy().astype(np.int64)
-    barycentric = hit["primitive_uvs"].numpy()
-    found = face < F
-    face_of[found] = face[found]
-    b = barycentric[found]
-    weights = np.column_stack([1.0 - b.sum(axis=1), b])
-    place[found] = np.einsum("tk,tkd->td", weights, vertices[faces[face[found]]])
-    if mesh.vertex_colors is not None:
-        grey = np.asarray(mesh.vertex_colors, dtype=np.float64)[:, 0]
-        texture[found] = np.einsum("tk,tk->t", weights, grey[faces[face[found]]])
-    chosen = np.where(face_of >= 0, view[np.maximum(face_of, 0)], NO_VIEW)
-    for i in np.unique(chosen[chosen >= 0]):
-        data = np.fromfile(image_path / reconstruction.image_names[i], dtype=np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
-        texels = chosen == i
-        xy = reconstruction.cameras.project(
-            place[texels].astype(np.float64), np.full(int(texels.sum()), i)
-        )
-        sample = sample_image(image, xy)
-        gain = 1.0
-        if mesh.vertex_colors is not None:
-            gain = float(np.clip(np.sum(texture[texels]) / max(np.sum(sample), 1.0), 0.5, 2.0))
-        texture[texels] = gain * sample
-    filled = fill_gutter(np.clip(texture, 0, 255).astype(np.uint8), face_of >= 0)
-    return np.repeat(filled[..., None], 3, axis=2)
+    sample = np.arange(0, len(mesh.vertices), max(1, len(mesh.vertices) // 20_000))
+    grey = np.zeros((reconstruction.num_images, len(sample)))
+    for i in range(reconstruction.num_images):
+        image = cv2.blur(_grey(reconstruction, image_path, i), (5, 5))
+        xy = np.rint(_project(mesh, reconstruction, i)[sample] - 0.5).astype(np.int64)
+        x = np.clip(xy[:, 0], 0, image.shape[1] - 1)
+        y = np.clip(xy[:, 1], 0, image.shape[0] - 1)
+        grey[i] = image[y, x]
+    return balance_gains(grey, weight[:, sample])
 
 
-def sample_image(image: Array | None, xy: Float) -> Float:
-    """Bilinear grey values at (T, 2) px, COLMAP's pixel origin: (T,)."""
-    from scipy.ndimage import map_coordinates
+def _grey(reconstruction: Reconstruction, image_path: Path, i: int) -> Array:
+    width, height = (int(v) for v in reconstruction.image_size_px[i])
+    name = reconstruction.image_names[i]
+    return read_raster(image_path, None, name, max(width, height), (width, height)).grey
 
-    if image is None:
-        return np.zeros(len(xy))
-    # scipy puts the centre of the first pixel at 0
-    places = np.stack([xy[:, 1] - 0.5, xy[:, 0] - 0.5])
-    return np.asarray(
-        map_coordinates(image, places, output=np.float32, order=1, mode="nearest"),
-        dtype=np.float64,
+
+def _vertex_grey(mesh: TriangleMesh, face: Array, bary: Array) -> Array:
+    """Vertex colours, interpolated, as grey: (n,), (n, 2) -> (n,); 128 without colours."""
+    if mesh.vertex_colors is None:
+        return np.full(len(face), 128.0)
+    grey = mesh.vertex_colors.astype(np.float64).mean(axis=1)[mesh.faces[face]]
+    weight = np.column_stack([1.0 - bary.sum(axis=1), bary])
+    return np.asarray(np.einsum("nk,nk->n", weight, grey))
+
+
+def _project(mesh: TriangleMesh, reconstruction: Reconstruction, i: int) -> Float:
+    cameras = reconstruction.cameras
+    return np.asarray(mesh.vertices @ cameras.projection[i].T + cameras.translation_px[i])
+
+
+def _atlas(mesh: TriangleMesh, unit: float, max_size: int) -> tuple[Float, int]:
+    """Texture coordinates (F, 3, 2) in 0..1, origin bottom left, and the texture's size.
+
+    The size gives each px of the images about one texel, in steps of 256.
+    """
+    import xatlas
+
+    corner = mesh.vertices[mesh.faces]
+    area = np.linalg.norm(
+        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1
     )
+    wanted = np.sqrt(0.5 * area.sum() / unit**2 / _PACKING)
+    size = min(max(256, 256 * int(np.ceil(wanted / 256.0))), max_size)
+    atlas = xatlas.Atlas()
+    vertices = ((mesh.vertices - mesh.vertices.mean(axis=0)) / unit).astype(np.float32)
+    atlas.add_mesh(vertices, mesh.faces.astype(np.uint32))
+    charts, packing = xatlas.ChartOptions(), xatlas.PackOptions()
+    charts.max_iterations = 1
+    packing.resolution = size
+    packing.padding = int(2 * _BORDER_TEXELS)
+    packing.bilinear = True
+    atlas.generate(charts, packing)
+    _, faces, uv = atlas[0]
+    return np.asarray(uv, dtype=np.float64)[faces.astype(np.int64)], size
 
 
-def fill_gutter(texture: Array, known: Array) -> Array:
-    """Continue the charts a few texels outward: (H, W) uint8, (H, W) bool -> (H, W) uint8."""
-    import cv2
-
-    out, have = texture.copy(), known.astype(np.uint8)
-    kernel = np.ones((3, 3), np.uint8)
-    for _ in range(GUTTER_PX):
-        grown = cv2.dilate(np.where(have > 0, out, 0).astype(np.uint8), kernel)
-        more = cv2.dilate(have, kernel)
-        out = np.where((have == 0) & (more > 0), grown, out).astype(np.uint8)
-        have = more
-    return out
+_PACKING = 0.7
+"""Share of the atlas that charts cover."""
