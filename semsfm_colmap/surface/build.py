@@ -1,0 +1,141 @@
+"""The surface from a reconstruction and its images: depth maps, cloud, mesh, as pure functions.
+
+A few images at small angles give depth maps that agree on little; the points of the reconstruction
+are then the better cloud. `fuse_depth_maps` measures what share of them the fused cloud covers and
+decides, and its message says what happened and what would help.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.surface.ball_pivoting import mesh_cloud
+from semsfm_colmap.surface.cloud import sparse_cloud
+from semsfm_colmap.surface.fusion import fuse
+from semsfm_colmap.surface.halfedges import component_labels, num_boundary_edges
+from semsfm_colmap.surface.normals import sampling_distance
+from semsfm_colmap.surface.options import SurfaceOptions
+from semsfm_colmap.surface.plane_sweep import sweep_depth_maps
+from semsfm_colmap.surface.views import choose_references
+from semsfm_colmap.types import (
+    DepthMap,
+    PointCloud,
+    Reconstruction,
+    Solution,
+    TriangleMesh,
+)
+
+Progress = Callable[[int, int], None]
+"""Called with the number done and the total."""
+
+_MIN_COVERAGE = 0.4
+"""With less of the sparse points near the fused cloud, the sparse cloud is the better one."""
+_GOOD_COVERAGE = 0.8
+"""With less, the message says that the surface has gaps."""
+_COVERED_WITHIN = 4.0
+"""A sparse point is covered by fused points within this many of their spacings."""
+
+
+def densify(
+    reconstruction: Reconstruction,
+    image_path: Path | str,
+    mask_path: Path | str | None,
+    options: SurfaceOptions,
+    *,
+    progress: Progress | None = None,
+) -> list[DepthMap]:
+    """Depth maps of up to `options.max_num_depth_maps` images, in the order of the images.
+
+    Parameters
+    ----------
+    reconstruction : cameras and points
+    image_path : folder of the prepared images
+    mask_path : folder of ``<image name>.png``, 0 = ignore, or None
+    options : sizes, windows, thresholds
+    progress : called after each depth map
+
+    """
+    references = choose_references(reconstruction.cameras, options.max_num_depth_maps)
+    masks = None if mask_path is None else Path(mask_path)
+    depth_maps: list[DepthMap] = []
+    for depth_map in sweep_depth_maps(reconstruction, references, Path(image_path), masks, options):
+        depth_maps.append(depth_map)
+        if progress is not None:
+            progress(len(depth_maps), len(references))
+    return depth_maps
+
+
+def fuse_depth_maps(
+    depth_maps: Sequence[DepthMap],
+    reconstruction: Reconstruction,
+    image_path: Path | str,
+    options: SurfaceOptions,
+    *,
+    progress: Progress | None = None,
+) -> Solution[PointCloud]:
+    """The cloud to mesh: the fused one, or the sparse one where the depth maps give too little.
+
+    ``status`` is "ok", "gaps" (fused, but large parts are missing) or "sparse"; ``message`` says
+    what to try; ``diagnostics["coverage"]`` is the share of sparse points that the fused cloud
+    covers.
+    """
+    sparse = sparse_cloud(reconstruction, options)
+    fused = fuse(depth_maps, reconstruction, image_path, options, progress=progress)
+    share = coverage(fused, sparse)
+    diagnostics = {"coverage": share, "num_fused": len(fused.points)}
+    if share < _MIN_COVERAGE:
+        return Solution(
+            value=sparse,
+            status="sparse",
+            message=(
+                f"The depth maps agree on {len(fused.points)} points, which cover {share:.0%} of "
+                f"the {len(sparse.points)} reconstructed ones: the surface is made from the "
+                "reconstructed points. More images at steps of 3 to 5 degrees would help."
+            ),
+            diagnostics=diagnostics,
+        )
+    if share < _GOOD_COVERAGE:
+        return Solution(
+            value=fused,
+            status="gaps",
+            message=(
+                f"The depth maps cover {share:.0%} of the reconstructed points: the surface has "
+                "gaps where too few images see it or it has too little texture."
+            ),
+            diagnostics=diagnostics,
+        )
+    return Solution(value=fused, diagnostics=diagnostics)
+
+
+def coverage(fused: PointCloud, sparse: PointCloud) -> float:
+    """Share of the sparse points that lie near the fused cloud, 0 to 1."""
+    from scipy.spatial import cKDTree
+
+    if len(fused.points) <= 8 or len(sparse.points) == 0:
+        return 0.0
+    distance, _ = cKDTree(fused.points).query(sparse.points, workers=-1)
+    return float(np.mean(distance <= _COVERED_WITHIN * sampling_distance(fused.points)))
+
+
+def mesh(cloud: PointCloud, options: SurfaceOptions) -> Solution[TriangleMesh]:
+    """Mesh a cloud; a cloud that gives no surface is a failed solution, not an error.
+
+    ``diagnostics`` counts vertices, faces, connected pieces and boundary edges.
+    """
+    try:
+        surface = mesh_cloud(cloud, options)
+    except InputError as error:
+        return Solution(value=None, status="no surface", message=str(error))
+    return Solution(
+        value=surface,
+        diagnostics={
+            "num_vertices": len(surface.vertices),
+            "num_faces": len(surface.faces),
+            "num_components": int(component_labels(surface.faces).max()) + 1,
+            "num_boundary_edges": num_boundary_edges(surface.faces),
+        },
+    )
