@@ -3,7 +3,7 @@
     python scripts/feature_study.py DATA_FOLDER [SERIES ...]
 
 DATA_FOLDER holds the development series. Writes docs/features/<series>/*.csv and *.png. Pictures of
-specimens (figure 3) are kept for rendered series only.
+specimens (figure 3) are not kept: the images have owners.
 """
 
 from __future__ import annotations
@@ -42,8 +42,7 @@ def main() -> None:
             ingest=IngestOptions(),
             truth_path=truth,
         )
-        if truth is None:
-            (target / name / "figure03.png").unlink()
+        (target / name / "figure03.png").unlink()
         print(f"{name}: {time.perf_counter() - begin:.0f} s", flush=True)
 
 
