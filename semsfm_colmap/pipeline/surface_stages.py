@@ -13,9 +13,6 @@ from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.stages import Summary, read_main_model
 
-MIN_DENSE_GAIN = 1.0
-"""A fused cloud with fewer points than so many times the sparse one adds nothing."""
-
 
 def densify(project: Project, config: Config, reporter: Reporter) -> Summary:
     """images/, sparse/0 -> dense/depth_maps/, dense/fused.ply.
@@ -23,22 +20,19 @@ def densify(project: Project, config: Config, reporter: Reporter) -> Summary:
     Where the depth maps agree on too little (few images, small angles) the fused cloud is the
     sparse one, and that is said.
     """
-    from semsfm_colmap.surface.cloud import sparse_cloud
+    from semsfm_colmap.surface.build import fuse_depth_maps
     from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map, write_ply
-    from semsfm_colmap.surface.fusion import fuse
     from semsfm_colmap.surface.plane_sweep import sweep_depth_maps
     from semsfm_colmap.surface.views import choose_references
 
     reconstruction = read_main_model(project)
     options = config.surface
-    sparse = sparse_cloud(reconstruction, options)
     # the maps are written aside and replace those of an earlier run as a whole
     aside, folder = project.dense / ".depth_maps.part", project.dense / "depth_maps"
     shutil.rmtree(aside, ignore_errors=True)
     aside.mkdir(parents=True)
     references = choose_references(reconstruction.cameras, options.max_num_depth_maps)
-    notes: list[str] = []
-    names = []
+    names: list[str] = []
     with reporter.progress("depth maps") as progress:
         for depth_map in sweep_depth_maps(
             reconstruction, references, project.images, project.masks_or_none, options
@@ -48,44 +42,44 @@ def densify(project: Project, config: Config, reporter: Reporter) -> Summary:
             progress(len(names), len(references))
     shutil.rmtree(folder, ignore_errors=True)
     os.rename(aside, folder)
-    cloud = sparse
-    if names:
-        with reporter.progress("fusing") as progress:
-            fused = fuse(
-                DepthMapFolder(folder, tuple(names)),
-                reconstruction,
-                project.images,
-                options,
-                progress=progress,
-            )
-        if len(fused.points) >= MIN_DENSE_GAIN * len(sparse.points):
-            cloud = fused
-        else:
-            notes.append(
-                f"the depth maps agree on {len(fused.points)} points only, fewer than the "
-                f"{len(sparse.points)} of the sparse cloud: the surface is made from the sparse "
-                "cloud"
-            )
+    with reporter.progress("fusing") as progress:
+        fused = fuse_depth_maps(
+            DepthMapFolder(folder, tuple(names)),
+            reconstruction,
+            project.images,
+            options,
+            progress=progress,
+        )
+    if fused.value is None:
+        raise InputError(fused.message)
+    cloud = fused.value
+    notes = [fused.message] if fused.message else []
     write_ply(project.dense / "fused.ply", cloud)
     reporter.say(f"densify: {len(names)} depth maps, {len(cloud.points)} points")
     for note in notes:
         reporter.say(note)
-    return {"num_depth_maps": len(names), "num_points": len(cloud.points), "notes": notes}
+    return {
+        "num_depth_maps": len(names),
+        "num_points": len(cloud.points),
+        "coverage": fused.diagnostics.get("coverage"),
+        "notes": notes,
+    }
 
 
 def mesh(project: Project, config: Config, reporter: Reporter) -> Summary:
     """dense/fused.ply -> mesh/mesh.ply, mesh.glb and mesh.obj."""
-    from semsfm_colmap.surface.ball_pivoting import mesh_cloud
+    from semsfm_colmap.surface import build
     from semsfm_colmap.surface.files import read_ply_cloud, write_ply, write_textured
     from semsfm_colmap.surface.texture import texture_mesh
 
     cloud = read_ply_cloud(project.dense / "fused.ply")
-    surface = mesh_cloud(cloud, config.surface)
-    if len(surface.faces) == 0:
+    solution = build.mesh(cloud, config.surface)
+    if solution.value is None or len(solution.value.faces) == 0:
         raise InputError(
             f"no surface could be made from the {len(cloud.points)} points: they are too few or "
             "too scattered; see the report for the images that match badly"
         )
+    surface = solution.value
     project.mesh.mkdir(exist_ok=True)
     write_ply(project.mesh / "mesh.ply", surface)
     reporter.say(f"mesh: {len(surface.vertices)} vertices, {len(surface.faces)} faces")
