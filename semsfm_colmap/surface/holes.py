@@ -1,4 +1,4 @@
-"""Fill small holes of an oriented manifold mesh with triangulations of least area.
+"""Fill small holes of an oriented manifold mesh with triangulations of little area.
 
 The boundary is followed by turning around each vertex from face to face, so that two holes that
 meet in a vertex stay two loops. A loop with n edges is triangulated by dynamic programming over its
@@ -55,7 +55,10 @@ def _simple_loops(loop: list[int]) -> list[Int]:
 
 
 def fill_holes(vertices: Float, faces: Int, normals: Float, max_edges: int) -> Int:
-    """Close the holes with at most `max_edges` edges whose filling faces outside.
+    """Close the holes with at most `max_edges` edges whose filling continues the surface.
+
+    The filling of a hole in a surface faces the way the surface around it does; a lid across the
+    open end of a tube or a bowl stands at a right angle to it, and only a small one is wanted.
 
     Parameters
     ----------
@@ -81,24 +84,26 @@ def fill_holes(vertices: Float, faces: Int, normals: Float, max_edges: int) -> I
         ]
         free = np.ones((len(loop), len(loop)), dtype=bool)
         free[i, j] = ~np.array(taken)
-        triangles = least_area_triangulation(vertices[loop], free)
+        triangles = best_triangulation(vertices[loop], free)
         if triangles is None:
             continue
         patch = loop[triangles]
         corner = vertices[patch]
         area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]).sum(axis=0)
-        if area @ normals[loop].sum(axis=0) <= 0:
+        cosine = normals[loop].mean(axis=0) @ area / max(float(np.linalg.norm(area)), 1e-300)
+        if cosine <= (0.0 if len(loop) <= _SMALL_LOOP else _MIN_LID_COSINE):
             continue
         added.append(patch)
         edges.update(directed_keys(patch, num).tolist())
     return np.concatenate([faces, *added]) if added else faces
 
 
-def least_area_triangulation(polygon: Float, free: Int | None = None) -> Int | None:
-    """Triangulate a closed polygon in space with the least total area.
+def best_triangulation(polygon: Float, free: Int | None = None) -> Int | None:
+    """Triangulate a closed polygon in space with little area and no slivers.
 
-    ``W[i, j] = min_k W[i, k] + W[k, j] + area(i, k, j)`` for the part of the polygon between the
-    corners i < j.
+    ``W[i, j] = min_k W[i, k] + W[k, j] + w(i, k, j)`` for the part of the polygon between the
+    corners i < j, where w is the triangle's area plus a tenth of its squared longest edge: area
+    alone cannot tell the triangulations of a flat polygon apart, and picks slivers.
 
     Parameters
     ----------
@@ -120,10 +125,7 @@ def least_area_triangulation(polygon: Float, free: Int | None = None) -> Int | N
                 cost[i, j] = np.inf
                 continue
             k = np.arange(i + 1, j)
-            area = 0.5 * np.linalg.norm(
-                np.cross(polygon[k] - polygon[i], polygon[j] - polygon[i]), axis=1
-            )
-            total = cost[i, k] + cost[k, j] + area
+            total = cost[i, k] + cost[k, j] + triangle_cost(polygon[i], polygon[k], polygon[j])
             best = int(np.argmin(total))
             cost[i, j], split[i, j] = total[best], k[best]
     if not np.isfinite(cost[0, n - 1]):
@@ -138,3 +140,17 @@ def least_area_triangulation(polygon: Float, free: Int | None = None) -> Int | N
         triangles.append((low, middle, high))
         open_parts += [(low, middle), (middle, high)]
     return np.array(triangles, dtype=np.int64)
+
+
+_SLIVER_WEIGHT = 0.1
+_SMALL_LOOP = 12
+"""Holes with so few edges are closed even by a lid, such as the tip of a needle."""
+_MIN_LID_COSINE = 0.5
+"""Cosine between a larger filling and the mean normal around it."""
+
+
+def triangle_cost(a: Float, b: Float, c: Float) -> Float:
+    """Area plus a share of the squared longest edge; b may be many points: (..., 3) -> (...)."""
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=-1)
+    edges = [np.sum((q - p) ** 2, axis=-1) for p, q in ((a, b), (b, c), (a, c))]
+    return np.asarray(area + _SLIVER_WEIGHT * np.maximum(np.maximum(edges[0], edges[1]), edges[2]))

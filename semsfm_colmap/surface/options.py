@@ -81,7 +81,7 @@ class SurfaceOptions:
     """Passes that move points along their normals onto the local surface; 0 keeps the noise."""
     min_component_fraction: float = 0.01
     """Pieces with fewer faces than this share of the largest piece are dropped."""
-    max_hole_edges: int = 40
+    max_hole_edges: int = 30
     """Holes with at most this many boundary edges are filled; 0 leaves all open."""
     poisson_depth: int = 9
     """Octree depth of the Poisson surface: 8 coarse, 10 fine."""
