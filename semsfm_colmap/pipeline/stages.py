@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -105,14 +107,19 @@ def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) 
     id_of = {image.name: image.image_id for image in read_images(project.database)}
     ids = [id_of[name] for name in series.names]
     pairs = select_pairs(len(ids), config.matching)
+    id_pairs = [(ids[i], ids[j]) for i, j in pairs]
     with reporter.progress("matching pairs") as progress:
-        match_sift(
-            project.database,
-            [(ids[i], ids[j]) for i, j in pairs],
-            max_ratio=config.matching.max_ratio,
-            num_threads=threads(config),
-            progress=progress,
-        )
+        if any(any(c.isspace() for c in name) for name in series.names):
+            # COLMAP's list of pairs is split at spaces
+            match_exactly(project, id_pairs, config, progress)
+        else:
+            match_sift(
+                project.database,
+                id_pairs,
+                max_ratio=config.matching.max_ratio,
+                num_threads=threads(config),
+                progress=progress,
+            )
     keypoints = read_keypoints(project.database, ids)
     raw = read_matches(project.database)
     jobs = []
@@ -171,6 +178,32 @@ def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) 
         f"{sum(int(g.inlier.sum()) for g in verified)} matches"
     )
     return {"num_pairs": len(pairs), "num_verified_pairs": len(verified), "pairs": statistics}
+
+
+def match_exactly(
+    project: Project,
+    pairs: list[tuple[int, int]],
+    config: Config,
+    progress: Callable[[int, int], None],
+) -> None:
+    """Mutual nearest neighbours with ratio by exact search, pair by pair into the database."""
+    from semsfm_colmap.colmap.database import (
+        pairs_without_matches,
+        read_descriptors,
+        write_matches,
+    )
+    from semsfm_colmap.matching.nearest import match_nearest
+
+    read = lru_cache(maxsize=2 * config.matching.overlap + 2)(
+        lambda image_id: read_descriptors(project.database, image_id).astype(np.float32)
+    )
+    todo = pairs_without_matches(project.database, pairs)
+    for done, (a, b) in enumerate(todo, start=1):
+        found = match_nearest(
+            read(a), read(b), max_ratio=config.matching.max_ratio, num_threads=threads(config)
+        )
+        write_matches(project.database, {(a, b): found.keypoints})
+        progress(len(pairs) - len(todo) + done, len(pairs))
 
 
 def build_observations(project: Project, config: Config, names: tuple[str, ...]) -> Any:

@@ -157,3 +157,14 @@ def test_a_stage_without_the_one_before_says_which_to_run(tmp_path, small_series
     run_stages(tmp_path / "p", Config(), names=("ingest",), image_path=small_series / "images")
     with pytest.raises(Exception, match="semsfm extract"):
         run_stages(tmp_path / "p", Config(), names=("map",))
+
+
+def test_names_with_spaces_and_unicode_work(small_series, tmp_path):
+    images = tmp_path / "my images"
+    images.mkdir()
+    for k, path in enumerate(sorted((small_series / "images").iterdir())):
+        shutil.copy(path, images / f"grän {k}.tif")
+    project = tmp_path / "my project"
+    run_stages(project, Config(), names=("ingest", "extract", "match", "map"), image_path=images)
+    model = read_model(project / "sparse" / "0")
+    assert model.image_names == tuple(f"grän {k}.tif" for k in range(7))
