@@ -151,6 +151,8 @@ def balance_gains(grey: Float, weight: Array) -> Float:
     """
     gain = np.ones(len(grey))
     used = weight.sum(axis=1) > 0
+    if not used.any():
+        return gain
     for _ in range(_NUM_GAIN_ROUNDS):
         norm = weight.sum(axis=0)
         common = (weight * grey * gain[:, None]).sum(axis=0) / np.maximum(norm, 1e-12)

@@ -100,6 +100,8 @@ def choose_neighbors(
     return out[np.argsort(angle[out], kind="stable")]
 
 
+_MIN_DEPTH_MARGIN_PX = 20.0
+"""Depth beyond the sparse points that is searched at least: relief they may have missed."""
 _MAX_FALLBACK_DEG = 35.0
 """Beyond this the two pictures of a rough surface no longer correlate."""
 
@@ -112,11 +114,12 @@ def choose_references(cameras: OrthographicCameras, max_num: int) -> Int:
     d = cameras.viewing_direction
     taken = [0]
     distance = np.linalg.norm(d - d[0], axis=1)
+    distance[0] = -1.0
     while len(taken) < max_num:
         best = int(np.argmax(distance))
         taken.append(best)
         distance = np.minimum(distance, np.linalg.norm(d - d[best], axis=1))
-        distance[best] = -1.0
+        distance[taken] = -1.0
     return np.sort(np.array(taken))
 
 
@@ -125,8 +128,8 @@ def depth_range(
 ) -> tuple[float, float] | None:
     """Nearest and farthest depth that the points seen in an image allow, in world units.
 
-    The 1st and 99th percentile of their depths, widened by `margin` of the difference at each end;
-    None when the image sees fewer than three points.
+    The 1st and 99th percentile of their depths, widened at each end by `margin` of the difference,
+    and for flat specimens by some px; None when the image sees fewer than three points.
     """
     obs = reconstruction.observations
     rows = (obs.image_idx == reference) & reconstruction.inlier
@@ -135,5 +138,6 @@ def depth_range(
         return None
     direction = reconstruction.cameras.viewing_direction[reference]
     low, high = np.percentile(reconstruction.points[seen] @ direction, [1.0, 99.0])
-    room = margin * (high - low) + 1e-9
+    px = 1.0 / reconstruction.cameras.scale_px_per_unit[reference]
+    room = max(margin * (high - low), _MIN_DEPTH_MARGIN_PX * px)
     return float(low - room), float(high + room)
