@@ -12,6 +12,7 @@ import numpy as np
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.surface.normals import sampling_distance
 from semsfm_colmap.surface.open3d_import import import_open3d
 from semsfm_colmap.surface.repair import face_normals, vertex_normals
 from semsfm_colmap.types import Array, Float, PointCloud, TriangleMesh
@@ -20,6 +21,7 @@ _LIGHT_CAM = np.array([-0.45, -0.55, -0.70]) / np.linalg.norm([-0.45, -0.55, -0.
 """From the surface to the light, in the camera frame (x right, y down, z away)."""
 _AMBIENT, _KEY, _FILL = 0.12, 0.55, 0.45
 """Shares of the lights; what exceeds 1 is white."""
+_MAX_DOT_PX = 8
 _MARGIN = 0.05
 """Free border, as a share of the picture."""
 SURFACE_GREY = (205, 205, 210)
@@ -106,13 +108,14 @@ def render_cloud(
     *,
     size_px: tuple[int, int] = (640, 480),
     use_colors: bool = False,
-    point_px: int = 2,
+    point_px: int | None = None,
     supersampling: int = 2,
 ) -> Array:
     """Picture of a cloud as square dots with a depth buffer, shaded by the normals.
 
     Points whose normals turn away from the viewer are tinted. Parameters as `render_mesh`;
-    `point_px` is the dot's width.
+    `point_px` is the dot's width; by default such that neighbouring dots touch and hide what is
+    behind them.
     """
     if len(cloud.points) == 0:
         raise UsageError("cloud has no points: there is nothing to render.")
@@ -131,6 +134,9 @@ def render_cloud(
         if not use_colors:
             color = color * _lambert(normal)[:, None]
 
+    if point_px is None:
+        gap = sampling_distance(points) if len(points) > 8 else 0.0
+        point_px = int(np.clip(np.ceil(gap / pixel / supersampling), 2, _MAX_DOT_PX))
     order = np.argsort(-points[:, 2], kind="stable")
     corner = np.floor((points[order, :2] - origin) / pixel - 0.5 * (point_px * supersampling - 1))
     canvas = np.empty((height, width, 3))
