@@ -49,6 +49,8 @@ class SemMetadata:
     instrument: str | None = None
     detector: str | None = None
     tilt_corrected: bool | None = None
+    displacement_um: float | None = None
+    """Of the actuator that turned the specimen, e.g. the elongation of a helical nanobelt."""
     source: Mapping[str, str] = field(default_factory=dict)
     """For each recorded field, where its value came from, e.g. "CZ_SEM AP_IMAGE_PIXEL_SIZE"."""
 

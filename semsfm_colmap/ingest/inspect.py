@@ -50,6 +50,8 @@ class InspectionRow:
     instrument: str | None = None
     detector: str | None = None
     tilt_corrected: bool | None = None
+    displacement_um: float | None = None
+    """Only in the text: the fields of the JSON and CSV files are fixed."""
     warnings: tuple[str, ...] = ()
 
 
@@ -229,4 +231,5 @@ def _metadata_row(
         instrument=known.instrument,
         detector=known.detector,
         tilt_corrected=known.tilt_corrected,
+        displacement_um=known.displacement_um,
     )

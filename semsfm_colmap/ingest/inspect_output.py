@@ -24,11 +24,16 @@ _COLUMNS: tuple[tuple[str, Callable[[InspectionRow], object]], ...] = (
     ("from", lambda r: r.pixel_size_source and _shortened(r.pixel_size_source, MAX_CELL)),
     ("tilt", lambda r: _rounded(r.tilt_deg)),
     ("rot", lambda r: _rounded(r.stage_rotation_deg)),
+    ("disp um", lambda r: r.displacement_um),
     ("WD mm", lambda r: _rounded(r.working_distance_um and r.working_distance_um * 1e-3)),
     ("kV", lambda r: r.beam_energy_kev),
     ("detector", lambda r: r.detector and _shortened(r.detector, 10)),
     ("!", lambda r: len(r.warnings) or None),
 )
+
+
+FILE_FIELDS = tuple(f.name for f in fields(InspectionRow) if f.name != "displacement_um")
+"""Fields of the JSON and CSV files."""
 
 
 def format_inspection(inspection: Inspection) -> str:
@@ -55,21 +60,20 @@ def format_inspection(inspection: Inspection) -> str:
 
 def write_inspection_json(inspection: Inspection, path: Path) -> None:
     """One object per image, with null where nothing is recorded."""
-    rows = [asdict(row) for row in inspection.rows]
+    rows = [{name: getattr(row, name) for name in FILE_FIELDS} for row in inspection.rows]
     text = json.dumps(rows, indent=1, ensure_ascii=False, allow_nan=False)
     write_atomic(path, (text + "\n").encode())
 
 
 def write_inspection_csv(inspection: Inspection, path: Path) -> None:
     """One line per image with the fields as columns; empty cells where nothing is recorded."""
-    names = [field.name for field in fields(InspectionRow)]
     buffer = io.StringIO(newline="")
     writer = csv.writer(buffer)
-    writer.writerow(names)
+    writer.writerow(FILE_FIELDS)
     for row in inspection.rows:
         values = asdict(row)
         values["warnings"] = "; ".join(row.warnings)
-        writer.writerow(["" if values[name] is None else values[name] for name in names])
+        writer.writerow(["" if values[name] is None else values[name] for name in FILE_FIELDS])
     write_atomic(path, buffer.getvalue().encode())
 
 

@@ -39,6 +39,8 @@ def apply_table(
                 tilt_differs.append(row.tilt_deg - degrees(old.tilt_rad))
         if row.rotation_deg is not None:
             values["stage_rotation_rad"] = radians(row.rotation_deg)
+        if row.displacement_um is not None:
+            values["displacement_um"] = row.displacement_um
         if row.pixel_size_um is not None:
             values["pixel_size_um"] = row.pixel_size_um
             if old.pixel_size_um is not None:
@@ -46,7 +48,6 @@ def apply_table(
         changed.append(
             replace(
                 image,
-                displacement_um=row.displacement_um,
                 reading=replace(
                     image.reading, metadata=_with(old, values, f"table {table.path.name}")
                 ),

@@ -163,8 +163,6 @@ def _prepare_image(
     )
     write_atomic(project_path / "images" / name, content)
     record.grey_range[name] = grey_range
-    if image.displacement_um is not None:
-        record.displacement_um[name] = image.displacement_um
     problems = masks.add(image, name, np.asarray(grey))
     return SemFrame(
         name=name,

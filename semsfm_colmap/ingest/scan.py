@@ -49,8 +49,6 @@ class SourceImage:
     databar_row: int | None = None
     scale_bar_px: float | None = None
     """Length of the scale bar drawn in the databar, where it was looked for."""
-    displacement_um: float | None = None
-    """Of the actuator that turned the specimen, from the series table."""
     crop: Crop = (0, 0, 0, 0)
     changes: bool = False
     """Whether an option changes the pixels, so that the file cannot be copied."""

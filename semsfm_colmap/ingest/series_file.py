@@ -27,8 +27,6 @@ class PreparationRecord:
     """Per image the source's grey values that became 0 and 255."""
     mask_effect: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Per image the parts of area and of texture that its mask leaves out."""
-    displacement_um: dict[str, float] = field(default_factory=dict)
-    """Per image the actuator's displacement, from the series table."""
     masks: list[str] = field(default_factory=list)
     """Mask files written."""
 

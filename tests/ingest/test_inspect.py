@@ -173,6 +173,21 @@ def test_a_table_and_an_option_override_the_rows(folder: Path, tmp_path: Path) -
     assert rows[0].pixel_size_source == "option pixel_size_um"
 
 
+def test_a_displacement_shows_in_the_text_and_leaves_the_files_as_they_are(
+    folder: Path, tmp_path: Path
+) -> None:
+    write_series(folder, [texture(i) for i in range(3)])
+    table = tmp_path / "s.csv"
+    table.write_text("image,displacement_um\n0.png,0\n1.png,0.0225\n2.png,0.045\n")
+    inspection = inspect_images(folder, IngestOptions(series_csv=table))
+    titles, _, first, second, _ = format_inspection(inspection).splitlines()[:5]
+    assert "disp um" in titles
+    assert first.split()[-2:] == ["0", "1"]
+    assert second.split()[-2:] == ["0.0225", "1"]
+    write_inspection_json(inspection, tmp_path / "i.json")
+    assert [list(row) for row in json.loads((tmp_path / "i.json").read_text())] == [FIELDS] * 3
+
+
 def test_json_holds_one_object_per_image_with_null_where_nothing_is_known(
     folder: Path, tmp_path: Path
 ) -> None:

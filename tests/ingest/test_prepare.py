@@ -130,7 +130,7 @@ def test_of_a_multi_page_tiff_the_first_full_size_page_is_taken(
 def test_series_json_round_trips_exactly(tmp_path: Path) -> None:
     metadata = SemMetadata(
         pixel_size_um=0.1 / 3, tilt_rad=-0.2, stage_xyz_um=(1.0, 2.5, -3.0), tilt_corrected=False,
-        instrument="Ä µ", source={"tilt_rad": "x"},
+        instrument="Ä µ", displacement_um=0.0225, source={"tilt_rad": "x"},
     )  # fmt: skip
     frame = SemFrame(
         name="a b/ü.png", width_px=3, height_px=2, source_path="/x", crop_px=(0, 1, 2, 3),

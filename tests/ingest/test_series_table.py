@@ -8,7 +8,7 @@ import pytest
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.prepare import prepare_series
-from semsfm_colmap.ingest.series_file import read_preparation
+from semsfm_colmap.ingest.series_file import read_series
 from semsfm_colmap.ingest.series_table import read_series_table
 
 from . import vendor_files as vendor
@@ -115,8 +115,9 @@ def test_the_table_overrides_the_headers_and_is_named_as_source(
     assert "series.csv has no line for: 3.tif." in said
     assert "the tilts in series.csv differ from those in the files by up to" in said
     assert "the pixel sizes in series.csv differ from those in the files by up to 100.0%" in said
-    record = read_preparation(tmp_path / "p/series.json")
-    assert record.displacement_um == pytest.approx({"0.tif": 0.0, "1.tif": 0.1, "2.tif": 0.2})
+    again = read_series(tmp_path / "p/series.json")
+    assert [f.metadata.displacement_um for f in again.frames] == [0.0, 0.1, 0.2, None]
+    assert again.frames[2].metadata.source["displacement_um"] == "table series.csv"
 
 
 def test_a_table_for_other_images_is_refused(fei_series: Path, tmp_path: Path) -> None:
