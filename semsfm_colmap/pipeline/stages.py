@@ -6,7 +6,6 @@ A stage returns a summary for run.json; the report is made from these summaries 
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -16,14 +15,12 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.config import Config
-from semsfm_colmap.errors import InputError
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.record import RunRecord, versions
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.types import Reconstruction, SemSeries
 
 Summary = dict[str, Any]
-TWIN_NOTE = "sparse/{} holds the depth-reversed twin of sparse/{}"
 
 
 def read_project_series(project: Project) -> SemSeries:
@@ -209,139 +206,39 @@ def match_exactly(
 def build_observations(project: Project, config: Config, names: tuple[str, ...]) -> Any:
     """Verified matches of the database -> Observations, with the counts of the joining."""
     from semsfm_colmap.colmap.database import read_images, read_inlier_matches, read_keypoints
-    from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_fundamental
-    from semsfm_colmap.tracks.build import build_tracks
+    from semsfm_colmap.pipeline.sparse_models import join_matches
 
     id_of = {image.name: image.image_id for image in read_images(project.database)}
     ids = [id_of[name] for name in names]
     number = {image_id: i for i, image_id in enumerate(ids)}
     keypoints = read_keypoints(project.database, ids)
-    matches, residuals = {}, {}
-    for (a, b), rows in read_inlier_matches(project.database).items():
-        if a not in number or b not in number:
-            continue
-        i, j = number[a], number[b]
-        if i > j:
-            i, j, rows = j, i, rows[:, ::-1]
-        if len(rows) < 5:
-            continue
-        xy1, xy2 = keypoints[ids[i]][rows[:, 0]], keypoints[ids[j]][rows[:, 1]]
-        matches[i, j] = rows
-        residuals[i, j] = epipolar_residual(estimate_affine_fundamental(xy1, xy2), xy1, xy2)
-    observations, counts = build_tracks(
-        [keypoints[k] for k in ids], matches, residuals, min_length=config.tracks.min_length
-    )
+    matches = {
+        (number[a], number[b]): rows
+        for (a, b), rows in read_inlier_matches(project.database).items()
+        if a in number and b in number
+    }
+    observations, counts = join_matches([keypoints[k] for k in ids], matches, config)
     return observations, counts, {name: keypoints[k] for name, k in zip(names, ids, strict=True)}
 
 
 def map_(project: Project, config: Config, reporter: Reporter) -> Summary:
     """Verified matches -> sparse/0 (and the twin or further parts)."""
-    from dataclasses import replace
-
-    from semsfm_colmap.colmap.colors import point_colors
     from semsfm_colmap.colmap.database import read_images
-    from semsfm_colmap.colmap.model import write_model
-    from semsfm_colmap.ingest.tilt import tilt_prior
-    from semsfm_colmap.pipeline.mapping import map_observations
+    from semsfm_colmap.pipeline.sparse_models import map_series
 
     series = read_project_series(project)
     observations, counts, keypoints = build_observations(project, config, series.names)
-    reporter.say(
-        f"tracks: {observations.num_tracks} tracks, {len(observations)} observations, "
-        f"{counts['num_refused']} contradictory matches refused"
-    )
-    sizes = np.array([(frame.width_px, frame.height_px) for frame in series.frames])
-    solution = map_observations(
+    return map_series(
+        series,
+        keypoints,
+        {image.name: image for image in read_images(project.database)},
         observations,
-        series.names,
-        sizes,
-        factorization=config.factorization,
-        refinement=config.refinement,
-        pixel_size_um=series.pixel_size_um,
-        pixel_size_source=series.pixel_size_source,
-        tilt=tilt_prior(series, config.ingest),
-        seed=config.seed,
-        note=reporter.detail,
+        counts,
+        config,
+        reporter,
+        sparse_path=project.sparse,
+        image_path=project.images,
     )
-    if solution.value is None:
-        raise InputError(solution.message)
-    images = {image.name: image for image in read_images(project.database)}
-    models: list[dict[str, Any]] = []
-    used: set[str] = set()
-    for k, part in enumerate(solution.value):
-        reconstruction = replace(
-            part.reconstruction,
-            point_color=point_colors(part.reconstruction, project.images),
-        )
-        versions_ = [("model", reconstruction)]
-        if part.twin is not None:
-            versions_.append(("twin", replace(part.twin, point_color=reconstruction.point_color)))
-        for kind, value in versions_:
-            number = len(models)
-            written = write_model(
-                value, project.sparse / str(number), images, keypoints, config.export
-            )
-            models.append(
-                {
-                    "model": f"sparse/{number}",
-                    "part": k,
-                    "kind": kind,
-                    "num_images": value.num_images,
-                    "images": list(value.image_names),
-                    "num_points": len(value.points),
-                    "focal_length_px": written.focal_length_px,
-                    "max_deviation_px": written.max_deviation_px,
-                }
-            )
-        used |= set(reconstruction.image_names)
-    remove_stale_models(project, len(models))
-    main = solution.value[0]
-    notes = [main.reconstruction.depth_sign.message, *main.diagnostics["notes"]]
-    if main.twin is not None:
-        notes.append(TWIN_NOTE.format(1, 0))
-    lost = [name for name in series.names if name not in used]
-    if lost:
-        notes.append(
-            f"{len(lost)} of {len(series.names)} images could not be registered: "
-            + ", ".join(lost[:8])
-            + (" ..." if len(lost) > 8 else "")
-        )
-    if len(solution.value) > 1:
-        notes.append(
-            f"the series falls into {len(solution.value)} parts that share too few tracks; each "
-            "is a model of its own with its own scale and axes: "
-            + "; ".join(
-                f"{m['model']} ({m['num_images']} images)" for m in models if m["kind"] == "model"
-            )
-        )
-    r = main.reconstruction
-    residuals = r.residuals()[r.inlier]
-    reporter.say(
-        f"map: {r.num_images} of {len(series.names)} images, {len(r.points)} points, residual "
-        f"{np.sqrt(np.mean(residuals**2)):.3f} px RMS per coordinate"
-    )
-    for sentence in notes:
-        reporter.say(sentence)
-    return {
-        "num_images": r.num_images,
-        "num_points": len(r.points),
-        "num_observations": int(r.inlier.sum()),
-        "rms_px": float(np.sqrt(np.mean(residuals**2))),
-        "tracks": {"num_tracks": observations.num_tracks, **counts},
-        "models": models,
-        "rounds": list(main.rounds),
-        "diagnostics": main.diagnostics,
-        "notes": notes,
-    }
-
-
-def remove_stale_models(project: Project, count: int) -> None:
-    """Models of an earlier run with higher numbers do not belong to this one."""
-    for folder in project.sparse.iterdir():
-        stale = folder.name.isdigit() and int(folder.name) >= count
-        aside = folder.name.startswith(".") and folder.name.endswith((".part", ".old"))
-        if stale or aside:
-            shutil.rmtree(folder)
 
 
 def read_main_model(project: Project) -> Reconstruction:
