@@ -4,11 +4,8 @@ The cost is ``sum_o rho(|r_o|^2 / sigma^2) + |prior(c)|^2``, ``r_o = A_i(c) X_j 
 For given cameras the points are linear (`points.solve_points`), so the search runs over the camera
 parameters alone: variable projection (Golub and Pereyra 1973) with Kaufman's approximation of the
 Jacobian, which is the Schur complement of bundle adjustment evaluated at the optimal points. Each
-Levenberg-Marquardt step solves the dense reduced system
-
-    S = sum_j [ J_a^T J_a - (J_a^T P_a) (sum P^T P)^-1 (P_b^T J_b) ]_{ab in j}
-
-of size (number of camera parameters)^2; the damping acts on the cameras only, never on the points.
+Levenberg-Marquardt step solves the reduced system of `geometry.reduced`, of size (number of camera
+parameters)^2; the damping acts on the cameras only, never on the points.
 """
 
 from __future__ import annotations
@@ -16,33 +13,28 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Generic, Protocol, TypeVar
 
-import numba
 import numpy as np
 from scipy import sparse
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.sparse.linalg import splu
+from scipy.linalg import LinAlgError
 from threadpoolctl import threadpool_limits
 
-from semsfm_colmap.geometry.losses import LossName, loss, weight
-from semsfm_colmap.geometry.points import (
-    add_observation,
-    invert_symmetric,
-    residuals,
-    solve_points,
-    track_pointer,
+from semsfm_colmap.geometry.losses import LossName
+from semsfm_colmap.geometry.points import fit_points, track_pointer
+from semsfm_colmap.geometry.reduced import (
+    CovisiblePairs,
+    Matrix,
+    accumulate_blocks,
+    add_prior,
+    assemble,
+    covisible_pairs,
+    solve_damped,
 )
 from semsfm_colmap.types import Float, Int, Observations
 
 P = TypeVar("P")
 
-SPARSE_LIMIT = 1500
-"""Larger systems are tried as sparse ones."""
-MAX_SPARSE_DENSITY = 0.15
-"""Share of non-zeros up to which the sparse factorization is faster."""
 SINGLE_THREAD_LIMIT = 1500
 """Up to so many parameters one BLAS thread is fastest."""
-DENSE_CHUNK_LIMIT = 3000
-"""Above so many parameters the reduced system is accumulated in 2 copies, below in 4."""
 
 
 class CameraModel(Protocol[P]):
@@ -110,144 +102,39 @@ class Eliminated(Generic[P]):
     converged: bool = False
 
 
-@numba.njit(cache=True, parallel=True)
-def _accumulate(J, A, r, w, image_idx, pointer, param_idx, chunk, L, g, max_len):  # type: ignore[no-untyped-def]
-    p = J.shape[2]
-    for c in numba.prange(len(chunk) - 1):
-        E = np.zeros((max_len, p, 3))
-        F = np.zeros((p, 3))
-        H = np.zeros((3, 3))
-        Hinv = np.zeros((3, 3))
-        b = np.zeros(3)
-        for j in range(chunk[c], chunk[c + 1]):
-            begin, end = pointer[j], pointer[j + 1]
-            H[:] = 0.0
-            b[:] = 0.0
-            for o in range(begin, end):
-                add_observation(H, b, A[image_idx[o]], r[o, 0], r[o, 1], w[o])
-            if not invert_symmetric(H, Hinv):
-                continue
-            for o in range(begin, end):
-                i = image_idx[o]
-                a = o - begin
-                for k in range(p):
-                    j0, j1 = w[o] * J[o, 0, k], w[o] * J[o, 1, k]
-                    for m in range(3):
-                        E[a, k, m] = j0 * A[i, 0, m] + j1 * A[i, 1, m]
-                    for m in range(3):
-                        F[k, m] = (
-                            E[a, k, 0] * Hinv[0, m]
-                            + E[a, k, 1] * Hinv[1, m]
-                            + E[a, k, 2] * Hinv[2, m]
-                        )
-                for k in range(p):
-                    gk = param_idx[i, k]
-                    if gk < 0:
-                        continue
-                    j0, j1 = w[o] * J[o, 0, k], w[o] * J[o, 1, k]
-                    g[c, gk] += (
-                        j0 * r[o, 0]
-                        + j1 * r[o, 1]
-                        - (F[k, 0] * b[0] + F[k, 1] * b[1] + F[k, 2] * b[2])
-                    )
-                    # L + L^T is the Hessian, so the diagonal block enters with one half
-                    for m in range(p):
-                        gm = param_idx[i, m]
-                        if gm >= 0:
-                            L[c, gk, gm] += 0.5 * (
-                                j0 * J[o, 0, m]
-                                + j1 * J[o, 1, m]
-                                - F[k, 0] * E[a, m, 0]
-                                - F[k, 1] * E[a, m, 1]
-                                - F[k, 2] * E[a, m, 2]
-                            )
-                    for other in range(a):
-                        i2 = image_idx[begin + other]
-                        for m in range(p):
-                            gm = param_idx[i2, m]
-                            if gm >= 0:
-                                L[c, gk, gm] -= (
-                                    F[k, 0] * E[other, m, 0]
-                                    + F[k, 1] * E[other, m, 1]
-                                    + F[k, 2] * E[other, m, 2]
-                                )
-
-
-def reduced_system(
-    J: Float,
-    A: Float,
-    r: Float,
-    w: Float,
-    image_idx: Int,
-    pointer: Int,
-    param_idx: Int,
-    num_params: int,
-) -> tuple[Float, Float]:
-    """The reduced Gauss-Newton Hessian (n, n) and gradient (n,) of the camera parameters.
-
-    Accumulated in a number of chunks that depends on the problem only, so that the sums, and with
-    them the result, are the same for any number of threads.
-    """
-    num_tracks = len(pointer) - 1
-    num_chunks = 4 if num_params < DENSE_CHUNK_LIMIT else 2
-    # equal shares of observations
-    targets = np.linspace(0, pointer[-1], num_chunks + 1)
-    chunk = np.searchsorted(pointer, targets).astype(np.int64)
-    chunk[0], chunk[-1] = 0, num_tracks
-    L = np.zeros((num_chunks, num_params, num_params))
-    g = np.zeros((num_chunks, num_params))
-    max_len = int(np.max(np.diff(pointer), initial=1))
-    _accumulate(J, A, r, w, image_idx, pointer, param_idx, chunk, L, g, max_len)
-    H = L[0]
-    for other in L[1:]:
-        H += other
-    return H + H.T, g.sum(axis=0)
-
-
-def solve_damped(H: Float, damping: Float, g: Float) -> Float:
-    """Solve ``(H + diag(damping)) x = g`` for a positive definite H (n, n).
-
-    Dense Cholesky; a large H with few entries, as long series with short tracks have, is factorized
-    as a sparse matrix.
-    """
-    n = len(g)
-    if n > SPARSE_LIMIT:
-        A = sparse.csc_array(H)
-        if A.nnz < MAX_SPARSE_DENSITY * n * n:
-            A = sparse.csc_array(A + sparse.diags_array(damping, format="csc"))
-            factor = splu(A, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-            x = np.asarray(factor.solve(g))
-            if not np.isfinite(x).all():
-                raise LinAlgError("the damped system is singular")
-            return x
-    damped = H.copy()
-    damped[np.diag_indices_from(damped)] += damping
-    return np.asarray(cho_solve(cho_factor(damped, lower=True, overwrite_a=True), g))
-
-
 def evaluate(
     model: CameraModel[P],
     params: P,
     observations: Observations,
     pointer: Int,
-    sigma_px: float,
+    sigma_px: float | Float,
     options: SolverOptions,
     start_weight: Float,
 ) -> Eliminated[P]:
     """Cameras -> optimal points, residuals, robust weights and cost."""
     obs = observations
     A, t = model.cameras(params)
-    robust = options.loss != "squared"
-    w = start_weight
-    # with a robust loss the points are reweighted twice: enough, the outer loop goes on
-    for _ in range(3 if robust else 1):
-        X = np.nan_to_num(solve_points(A, t, obs.image_idx, pointer, obs.xy, w))
-        r = residuals(A, t, X, obs.image_idx, obs.track_idx, obs.xy)
-        s = np.einsum("od,od->o", r, r) / sigma_px**2
-        w = weight(options.loss, s, options.loss_width)
+    X, r, w, cost = fit_points(
+        np.ascontiguousarray(A),
+        np.ascontiguousarray(t),
+        obs.image_idx,
+        pointer,
+        obs.xy,
+        precision_of(sigma_px, len(obs)),
+        start_weight,
+        loss=options.loss,
+        loss_width=options.loss_width,
+        # with a robust loss the points are reweighted twice: enough, the outer loop goes on
+        rounds=1 if options.loss == "squared" else 3,
+    )
     prior, _ = model.prior(params)
-    cost = float(np.sum(loss(options.loss, s, options.loss_width)) + prior @ prior)
+    cost += float(prior @ prior)
     return Eliminated(params=params, X=X, residuals=r, weight=w, cost=cost)
+
+
+def precision_of(sigma_px: float | Float, num_observations: int) -> Float:
+    """One over the variance of each observation's coordinates: (O,) px^-2."""
+    return np.array(np.broadcast_to(1.0 / np.square(sigma_px), (num_observations,)))
 
 
 def linearise(
@@ -255,20 +142,31 @@ def linearise(
     state: Eliminated[P],
     observations: Observations,
     pointer: Int,
-    sigma_px: float,
-) -> tuple[Float, Float]:
+    sigma_px: float | Float,
+    pairs: CovisiblePairs | None = None,
+) -> tuple[Matrix, Float]:
     """Hessian and gradient of half the cost at a state, priors included."""
     obs = observations
+    if pairs is None:
+        pairs = covisible_pairs(obs.image_idx, pointer, obs.num_images)
     A, _ = model.cameras(state.params)
-    J = model.jacobian(state.params, state.X, obs.image_idx, obs.track_idx)
-    w = state.weight / sigma_px**2
-    H, g = reduced_system(
-        J, A, state.residuals, w, obs.image_idx, pointer, model.param_idx, model.num_params
+    blocks, by_image = accumulate_blocks(
+        lambda rows: model.jacobian(
+            state.params, state.X, obs.image_idx[rows], obs.track_idx[rows]
+        ),
+        np.ascontiguousarray(A),
+        state.residuals,
+        state.weight * precision_of(sigma_px, len(obs)),
+        obs.image_idx,
+        pointer,
+        pairs,
+        model.param_idx.shape[1],
     )
+    H, g = assemble(blocks, by_image, pairs, model.param_idx, model.num_params)
     prior, prior_jacobian = model.prior(state.params)
     if len(prior):
-        H += sparse.csr_array(prior_jacobian.T @ prior_jacobian).toarray()
-        g += np.asarray(prior_jacobian.T @ prior)
+        H = add_prior(H, prior_jacobian)
+        g = g + np.asarray(prior_jacobian.T @ prior)
     return H, g
 
 
@@ -277,12 +175,13 @@ def minimise(
     params: P,
     observations: Observations,
     *,
-    sigma_px: float = 1.0,
+    sigma_px: float | Float = 1.0,
     options: SolverOptions | None = None,
 ) -> Eliminated[P]:
     """Levenberg-Marquardt from `params`; the cost never rises (Nielsen's damping update).
 
-    Observations must be sorted by track. Tracks whose rays do not fix a point have no say.
+    Observations must be sorted by track, then image. Tracks whose rays do not fix a point have no
+    say. ``sigma_px`` is the noise of a coordinate, one for all or one for each observation (O,).
     """
     # the reduced systems are small: more BLAS threads only wait for one another
     threads = 1 if model.num_params < SINGLE_THREAD_LIMIT else None
@@ -294,20 +193,21 @@ def _minimise(
     model: CameraModel[P],
     params: P,
     observations: Observations,
-    sigma_px: float,
+    sigma_px: float | Float,
     options: SolverOptions,
 ) -> Eliminated[P]:
     pointer = track_pointer(observations.track_idx, observations.num_tracks)
+    pairs = covisible_pairs(observations.image_idx, pointer, observations.num_images)
     ones = np.ones(len(observations))
     state: Eliminated[Any] = evaluate(model, params, observations, pointer, sigma_px, options, ones)
     costs = [state.cost]
     damping, growth = options.initial_damping, 2.0
     converged = False
     iteration = 0
-    H, g = linearise(model, state, observations, pointer, sigma_px)
+    H, g = linearise(model, state, observations, pointer, sigma_px, pairs)
     while iteration < options.max_iterations and not converged:
         iteration += 1
-        diagonal = np.diag(H).copy()
+        diagonal = H.diagonal().copy()
         floor = 1e-12 * float(np.max(diagonal, initial=1e-300))
         diagonal = np.maximum(diagonal, floor)
         if np.max(np.abs(g) / np.sqrt(diagonal), initial=0.0) < options.gradient_tolerance * (
@@ -340,7 +240,7 @@ def _minimise(
             damping = max(damping, 1e-12)
             growth = 2.0
             if not converged:
-                H, g = linearise(model, state, observations, pointer, sigma_px)
+                H, g = linearise(model, state, observations, pointer, sigma_px, pairs)
         else:
             # a step too small to change the cost in double precision is as good as none
             if predicted <= options.cost_tolerance * state.cost * 1e-2 or damping > 1e12:

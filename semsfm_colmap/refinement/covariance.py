@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
+from scipy import sparse
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from semsfm_colmap.geometry.eliminated import Eliminated, linearise
@@ -106,7 +107,8 @@ def estimate_covariance(
     point is counted once an observation, which is exact.
     """
     pointer = track_pointer(observations.track_idx, observations.num_tracks)
-    S, _ = linearise(model, state, observations, pointer, sigma_px)
+    H, _ = linearise(model, state, observations, pointer, sigma_px)
+    S = H.toarray() if sparse.issparse(H) else H
     N = gauge_directions(model, state.params)
     # the gauge directions get the stiffness of a typical parameter, for conditioning
     stiffness = float(np.median(np.diag(S)))

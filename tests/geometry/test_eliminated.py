@@ -1,17 +1,31 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy import sparse
+from scipy.linalg import LinAlgError
 
-from semsfm_colmap.geometry.eliminated import SolverOptions, minimise, reduced_system
-from semsfm_colmap.geometry.losses import loss, weight
-from semsfm_colmap.geometry.points import track_pointer
+from semsfm_colmap.geometry import reduced
+from semsfm_colmap.geometry.alignment import align_rotations
+from semsfm_colmap.geometry.eliminated import SolverOptions, minimise
+from semsfm_colmap.geometry.losses import LOSS_NUMBER, loss, loss_of, weight, weight_of
+from semsfm_colmap.geometry.points import fit_points, residuals, solve_points, track_pointer
+from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.refinement.bundle import BundleModel
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 from tests.oracles import geometry as oracle
 
 
+@pytest.mark.parametrize("sparse_limit", [0, 10**6])
+@pytest.mark.parametrize("batch", [7, 10**6])
 @pytest.mark.parametrize("free_affine", [False, True])
 @pytest.mark.parametrize("free_scale", [False, True])
-def test_reduced_system_is_the_schur_complement_of_the_full_one(free_scale, free_affine):
+def test_reduced_system_is_the_schur_complement_of_the_full_one(
+    free_scale, free_affine, batch, sparse_limit, monkeypatch
+):
+    monkeypatch.setattr(reduced, "BATCH_OBSERVATIONS", batch)
+    monkeypatch.setattr(reduced, "SPARSE_LIMIT", sparse_limit)
+    monkeypatch.setattr(reduced, "MAX_SPARSE_DENSITY", 2.0)
     rng = np.random.default_rng(0)
     s = simulate_tracks(num_images=5, range_deg=40, num_tracks=40, rng=rng)
     obs = s.observations
@@ -22,7 +36,13 @@ def test_reduced_system_is_the_schur_complement_of_the_full_one(free_scale, free
     J = model.jacobian(s.cameras, s.points, obs.image_idx, obs.track_idx)
     r, w = rng.normal(size=(len(obs), 2)), rng.uniform(0.2, 1.0, len(obs))
     pointer = track_pointer(obs.track_idx, obs.num_tracks)
-    H, g = reduced_system(J, A, r, w, obs.image_idx, pointer, model.param_idx, model.num_params)
+    pairs = reduced.covisible_pairs(obs.image_idx, pointer, obs.num_images)
+    blocks, by_image = reduced.accumulate_blocks(
+        lambda rows: J[rows], A, r, w, obs.image_idx, pointer, pairs, J.shape[2]
+    )
+    H, g = reduced.assemble(blocks, by_image, pairs, model.param_idx, model.num_params)
+    assert sparse.issparse(H) == (sparse_limit == 0)
+    H = H.toarray() if sparse.issparse(H) else H
     H0, g0 = oracle.reduced_system(J, A, r, w, obs.image_idx, obs.track_idx, model.param_idx)
     assert np.allclose(H, H0, atol=1e-9 * np.abs(H0).max())
     assert np.allclose(g, g0, atol=1e-9 * np.abs(g0).max())
@@ -50,3 +70,74 @@ def test_a_loss_starts_like_the_square_and_its_weight_is_its_derivative(name):
     assert np.allclose(weight(name, s, 2.0), numeric, atol=1e-6)
     assert loss(name, np.zeros(1), 2.0) == 0.0
     assert np.allclose(weight(name, np.full(1, 1e-9), 2.0), 1.0)
+    width, number = 2.0, LOSS_NUMBER[name]
+    assert np.allclose([loss_of(number, x, width**2) for x in s], loss(name, s, width))
+    assert np.allclose([weight_of(number, x, width**2) for x in s], weight(name, s, width))
+
+
+@pytest.mark.parametrize("name", ["squared", "huber", "cauchy"])
+def test_points_fitted_in_one_pass_are_those_of_the_separate_steps(name):
+    rng = np.random.default_rng(3)
+    s = simulate_tracks(num_images=6, range_deg=30, num_tracks=150, outlier_share=0.1, rng=rng)
+    obs, rounds = s.observations, 1 if name == "squared" else 3
+    A, t = s.cameras.projection, np.asarray(s.cameras.translation_px)
+    pointer = track_pointer(obs.track_idx, obs.num_tracks)
+    sigma = rng.uniform(0.2, 0.6, len(obs))
+    w = np.ones(len(obs))
+    X, r, fitted, cost = fit_points(
+        A, t, obs.image_idx, pointer, obs.xy, sigma**-2, w,
+        loss=name, loss_width=2.0, rounds=rounds,
+    )  # fmt: skip
+    for _ in range(rounds):
+        X0 = np.nan_to_num(solve_points(A, t, obs.image_idx, pointer, obs.xy, w / sigma**2))
+        r0 = residuals(A, t, X0, obs.image_idx, obs.track_idx, obs.xy)
+        squared = np.sum(r0 * r0, axis=1) / sigma**2
+        w = weight(name, squared, 2.0)
+    assert np.allclose(X, X0, atol=1e-9)
+    assert np.allclose(r, r0, atol=1e-9)
+    assert np.allclose(fitted, w, atol=1e-9)
+    assert np.isclose(cost, loss(name, squared, 2.0).sum())
+
+
+@pytest.mark.parametrize("free_affine", [False, True])
+def test_a_sparse_system_takes_the_same_steps_as_a_dense_one(free_affine, monkeypatch):
+    s = simulate_tracks(
+        num_images=30, range_deg=90, num_tracks=300, track_window=5, rng=np.random.default_rng(4)
+    )
+    model = BundleModel.build(
+        30, free_scale=True, free_affine=free_affine, scale_sigma=0.01, affine_sigma=0.01
+    )
+    start = model.retract(s.cameras, 0.003 * np.random.default_rng(5).normal(size=model.num_params))
+    options = SolverOptions(cost_tolerance=1e-12)
+    dense = minimise(model, start, s.observations, sigma_px=0.3, options=options)
+    monkeypatch.setattr(reduced, "SPARSE_LIMIT", 0)
+    monkeypatch.setattr(reduced, "MAX_SPARSE_DENSITY", 2.0)
+    thin = minimise(model, start, s.observations, sigma_px=0.3, options=options)
+    assert np.isclose(thin.cost, dense.cost, rtol=1e-9)
+    assert len(thin.costs) == len(dense.costs)
+    assert np.allclose(thin.costs, dense.costs, rtol=1e-6)
+
+
+def test_noise_given_for_each_observation_weighs_it():
+    rng = np.random.default_rng(6)
+    s = simulate_tracks(num_images=8, range_deg=60, num_tracks=300, noise_px=0.0, rng=rng)
+    sigma = np.where(rng.random(len(s.observations)) < 0.5, 0.1, 2.0)
+    noisy = s.observations.xy + sigma[:, None] * rng.normal(size=(len(sigma), 2))
+    obs = replace(s.observations, xy=noisy)
+    model = BundleModel.build(
+        8, free_scale=False, free_affine=False, scale_sigma=1.0, affine_sigma=1.0
+    )
+
+    def error(sigma_px):
+        end = minimise(model, s.cameras, obs, sigma_px=sigma_px)
+        R, R0 = np.asarray(end.params.cam_from_world), np.asarray(s.cameras.cam_from_world)
+        return float(np.mean(rotation_angle(R @ align_rotations(R, R0) @ R0.mT)))
+
+    assert error(sigma) < 0.4 * error(float(np.mean(sigma)))
+
+
+def test_a_singular_system_is_refused_in_either_form():
+    H = np.diag([1.0, 0.0, 2.0])
+    for form in (H, sparse.csc_array(H)):
+        with pytest.raises(LinAlgError):
+            reduced.solve_damped(form, np.zeros(3), np.ones(3))

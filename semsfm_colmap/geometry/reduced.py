@@ -1,0 +1,229 @@
+"""The reduced system of the cameras, points eliminated, by pairs of images.
+
+    S = sum_j [ J_a^T w J_a - (J_a^T w P_a) (sum w P^T P)^-1 (P_b^T w J_b) ]_{ab in j}
+
+Only images that share a track have a block in S, so the blocks of the co-visible pairs are all that
+is kept: for a long series with short tracks their number grows with the series, not with its
+square. They become one matrix at the end, dense or sparse as it fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from scipy import sparse
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.sparse.linalg import splu
+
+from semsfm_colmap.geometry.points import add_observation, invert_symmetric
+from semsfm_colmap.geometry.threads import threads_for
+from semsfm_colmap.types import Float, Int
+
+Matrix = Float | sparse.csc_array
+"""A symmetric matrix: dense when small or full, else sparse."""
+
+SPARSE_LIMIT = 1500
+"""Systems of more parameters are kept sparse when they are."""
+MAX_SPARSE_DENSITY = 0.15
+"""Share of non-zeros up to which the sparse factorization is faster."""
+SUM_CHUNKS = 4
+"""Partial sums, whatever the number of threads, so that the result does not depend on it."""
+BATCH_OBSERVATIONS = 500_000
+"""Jacobians are held for so many observations at a time: 50 MB at six parameters an image."""
+PARALLEL_COST = 10
+"""What an observation costs here in units of a pass over it (see `threads_for`)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CovisiblePairs:
+    """Pairs of images (a, b), a = b included, that have a track in common; each once."""
+
+    lookup: Int
+    """(M, M) number of the pair, -1 when the images share nothing; symmetric"""
+    first: Int
+    """(B,)"""
+    second: Int
+    """(B,) second <= first"""
+
+
+@numba.njit(cache=True)
+def _mark_pairs(image_idx, pointer, mark):  # type: ignore[no-untyped-def]
+    for j in range(len(pointer) - 1):
+        for a in range(pointer[j], pointer[j + 1]):
+            for b in range(pointer[j], a + 1):
+                mark[image_idx[a], image_idx[b]] = True
+
+
+def covisible_pairs(image_idx: Int, pointer: Int, num_images: int) -> CovisiblePairs:
+    """The pairs of images that tracks tie together."""
+    mark = np.zeros((num_images, num_images), dtype=bool)
+    _mark_pairs(image_idx, pointer, mark)
+    first, second = np.nonzero(np.tril(mark | mark.T))
+    lookup = np.full((num_images, num_images), -1, dtype=np.int64)
+    lookup[first, second] = lookup[second, first] = np.arange(len(first))
+    return CovisiblePairs(lookup=lookup, first=first, second=second)
+
+
+@numba.njit(cache=True, parallel=True)
+def _accumulate(  # type: ignore[no-untyped-def]
+    J, A, r, w, image_idx, pointer, lookup, chunk, begin_row, blocks, gradient, max_len
+):
+    p = J.shape[2]
+    for c in numba.prange(len(chunk) - 1):
+        E = np.zeros((max_len, p, 3))
+        F = np.zeros((p, 3))
+        H = np.zeros((3, 3))
+        Hinv = np.zeros((3, 3))
+        b = np.zeros(3)
+        for j in range(chunk[c], chunk[c + 1]):
+            begin, end = pointer[j], pointer[j + 1]
+            H[:] = 0.0
+            b[:] = 0.0
+            for o in range(begin, end):
+                add_observation(H, b, A[image_idx[o]], r[o, 0], r[o, 1], w[o])
+            if not invert_symmetric(H, Hinv):
+                continue
+            for o in range(begin, end):
+                i = image_idx[o]
+                a = o - begin
+                row = o - begin_row
+                own = blocks[c, lookup[i, i]]
+                for k in range(p):
+                    j0, j1 = w[o] * J[row, 0, k], w[o] * J[row, 1, k]
+                    for m in range(3):
+                        E[a, k, m] = j0 * A[i, 0, m] + j1 * A[i, 1, m]
+                    for m in range(3):
+                        F[k, m] = (
+                            E[a, k, 0] * Hinv[0, m]
+                            + E[a, k, 1] * Hinv[1, m]
+                            + E[a, k, 2] * Hinv[2, m]
+                        )
+                    gradient[c, i, k] += (
+                        j0 * r[o, 0]
+                        + j1 * r[o, 1]
+                        - (F[k, 0] * b[0] + F[k, 1] * b[1] + F[k, 2] * b[2])
+                    )
+                    for m in range(p):
+                        own[k, m] += j0 * J[row, 0, m] + j1 * J[row, 1, m]
+                for other in range(a + 1):
+                    i2 = image_idx[begin + other]
+                    block = blocks[c, lookup[i, i2]]
+                    # stored for (later, earlier image); tracks are sorted by image
+                    for k in range(p):
+                        f0, f1, f2 = F[k, 0], F[k, 1], F[k, 2]
+                        for m in range(p):
+                            block[k, m] -= (
+                                f0 * E[other, m, 0] + f1 * E[other, m, 1] + f2 * E[other, m, 2]
+                            )
+
+
+def accumulate_blocks(
+    jacobian: Callable[[slice], Float],
+    A: Float,
+    r: Float,
+    w: Float,
+    image_idx: Int,
+    pointer: Int,
+    pairs: CovisiblePairs,
+    num_local: int,
+) -> tuple[Float, Float]:
+    """The blocks of S of all pairs and the gradient, by image.
+
+    Parameters
+    ----------
+    jacobian : rows of observations -> (rows, 2, p), p = `num_local` parameters an image
+    A, r, w : (M, 2, 3), (O, 2), (O,): cameras, residuals, weights over variance
+    image_idx, pointer : observations sorted by track, then image
+
+    Returns
+    -------
+    (B, p, p) and (M, p)
+
+    """
+    num_tracks, num_images = len(pointer) - 1, len(pairs.lookup)
+    blocks = np.zeros((SUM_CHUNKS, len(pairs.first), num_local, num_local))
+    gradient = np.zeros((SUM_CHUNKS, num_images, num_local))
+    max_len = int(np.max(np.diff(pointer), initial=1))
+    first = 0
+    while first < num_tracks:
+        last = int(np.searchsorted(pointer, pointer[first] + BATCH_OBSERVATIONS, side="right")) - 1
+        last = min(max(last, first + 1), num_tracks)
+        rows = slice(int(pointer[first]), int(pointer[last]))
+        # equal shares of observations
+        targets = np.linspace(rows.start, rows.stop, SUM_CHUNKS + 1)
+        chunk = np.searchsorted(pointer, targets).astype(np.int64)
+        chunk[0], chunk[-1] = first, last
+        chunk = np.clip(chunk, first, last)
+        J = jacobian(rows)
+        with threads_for(PARALLEL_COST * len(J)):
+            _accumulate(
+                J, A, r, w, image_idx, pointer, pairs.lookup, chunk, rows.start,
+                blocks, gradient, max_len,
+            )  # fmt: skip
+        first = last
+    return blocks.sum(axis=0), gradient.sum(axis=0)
+
+
+def assemble(
+    blocks: Float, gradient: Float, pairs: CovisiblePairs, param_idx: Int, num_params: int
+) -> tuple[Matrix, Float]:
+    """The matrix (n, n) and gradient (n,) of the global parameters.
+
+    Parameters of several images (aspect, skew) collect from all of them; fixed ones (-1) drop out.
+    """
+    own = pairs.first == pairs.second
+    a, b = param_idx[pairs.first], param_idx[pairs.second]
+    p = param_idx.shape[1]
+    rows = np.broadcast_to(a[:, :, None], (len(a), p, p))
+    cols = np.broadcast_to(b[:, None, :], (len(a), p, p))
+    free = (rows >= 0) & (cols >= 0)
+    both = free & ~own[:, None, None]
+    i = np.concatenate([rows[free], cols[both]])
+    j = np.concatenate([cols[free], rows[both]])
+    values = np.concatenate([blocks[free], blocks[both]])
+    g = np.zeros(num_params)
+    used = param_idx >= 0
+    np.add.at(g, param_idx[used], gradient[used])
+    H = sparse.coo_array((values, (i, j)), shape=(num_params, num_params))
+    share = len(values) / max(num_params, 1) ** 2
+    if num_params > SPARSE_LIMIT and share < MAX_SPARSE_DENSITY:
+        return H.tocsc(), g
+    dense = np.bincount(i * num_params + j, weights=values, minlength=num_params**2)
+    return dense.reshape(num_params, num_params), g
+
+
+def add_prior(H: Matrix, jacobian: sparse.csr_array) -> Matrix:
+    """``H + J^T J`` for a sparse J."""
+    extra = sparse.csc_array(jacobian.T @ jacobian)
+    if sparse.issparse(H):
+        return sparse.csc_array(H + extra)
+    return np.asarray(H + extra.toarray())
+
+
+def factorize_sparse(A: sparse.csc_array) -> Callable[[Float], Float]:
+    """Solver of a sparse symmetric system; LinAlgError when it is singular."""
+    try:
+        factor = splu(A, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    except RuntimeError as error:  # SuperLU's word for an exactly singular matrix
+        raise LinAlgError("the damped system is singular") from error
+
+    def solve(b: Float) -> Float:
+        return np.asarray(factor.solve(b))
+
+    return solve
+
+
+def solve_damped(H: Matrix, damping: Float, g: Float) -> Float:
+    """Solve ``(H + diag(damping)) x = g`` for a positive definite H (n, n)."""
+    if sparse.issparse(H):
+        damped = sparse.csc_array(H + sparse.diags_array(damping, format="csc"))
+        x = factorize_sparse(damped)(g)
+        if not np.isfinite(x).all():
+            raise LinAlgError("the damped system is singular")
+        return x
+    dense = np.array(H)
+    dense[np.diag_indices_from(dense)] += damping
+    return np.asarray(cho_solve(cho_factor(dense, lower=True, overwrite_a=True), g))

@@ -1,0 +1,30 @@
+"""How many threads a kernel is worth.
+
+Waking a second thread and waiting for it costs some 50 us on an idle machine and a whole time slice
+(milliseconds) when another process holds its core; a kernel that takes less is faster alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numba
+
+PARALLEL_OBSERVATIONS = 200_000
+"""Fewer observations are processed in one thread: a pass over them takes some milliseconds."""
+
+
+@contextmanager
+def threads_for(num_observations: int) -> Iterator[None]:
+    """Run numba's parallel kernels in one thread when there is little to do.
+
+    The kernels' results do not depend on the number of threads.
+    """
+    before = numba.get_num_threads()
+    if num_observations < PARALLEL_OBSERVATIONS:
+        numba.set_num_threads(1)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
