@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from semsfm_colmap.factorization.options import FactorizationOptions
+from semsfm_colmap.geometry.points import track_pointer
 from semsfm_colmap.types import Float, Int, Observations
 
 
@@ -27,75 +29,134 @@ class Block:
     M: Float
 
 
-def visibility_matrix(observations: Observations) -> sparse.csr_array:
-    """(M, N) sparse, entry = observation number + 1."""
-    o = np.arange(1, len(observations) + 1)
-    shape = (observations.num_images, observations.num_tracks)
-    return sparse.csr_array((o, (observations.image_idx, observations.track_idx)), shape=shape)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Visibility:
+    """Who sees what, by track and by image, as compressed rows."""
+
+    track_pointer: Int
+    """(N + 1,) where each track begins among the observations"""
+    image_idx: Int
+    """(O,) image of each observation"""
+    image_pointer: Int
+    """(M + 1,) where each image begins in `tracks`"""
+    tracks: Int
+    """(O,) tracks of each image, ascending"""
+    common: Int
+    """(M, M) tracks that two images share, zero on the diagonal"""
 
 
-def covisible_pairs(W: sparse.csr_array, num_neighbours: int, min_tracks: int) -> list[Int]:
+@numba.njit(cache=True)
+def _count_common(pointer, image_idx, common):  # type: ignore[no-untyped-def]
+    for j in range(len(pointer) - 1):
+        for a in range(pointer[j], pointer[j + 1]):
+            for b in range(pointer[j], a):
+                common[image_idx[a], image_idx[b]] += 1
+                common[image_idx[b], image_idx[a]] += 1
+
+
+def visibility(observations: Observations) -> Visibility:
+    """Index the observations, which are sorted by track, in both directions."""
+    obs = observations
+    pointer = track_pointer(obs.track_idx, obs.num_tracks)
+    common = np.zeros((obs.num_images, obs.num_images), dtype=np.int64)
+    _count_common(pointer, obs.image_idx, common)
+    return Visibility(
+        track_pointer=pointer,
+        image_idx=obs.image_idx,
+        image_pointer=track_pointer(obs.image_idx, obs.num_images),
+        tracks=obs.track_idx[np.argsort(obs.image_idx, kind="stable")],
+        common=common,
+    )
+
+
+def covisible_pairs(common: Int, num_neighbours: int, min_tracks: int) -> list[tuple[int, int]]:
     """For every image its neighbours by number of common tracks, each pair once."""
-    common = sparse.csr_array(W @ W.T)
-    common.setdiag(0)
     pairs = set()
-    for i in range(W.shape[0]):
-        begin, end = common.indptr[i], common.indptr[i + 1]
-        neighbours, counts = common.indices[begin:end], common.data[begin:end]
+    for i, counts in enumerate(common):
         # equal counts in image order, so that the choice does not depend on the sort
-        order = np.lexsort((neighbours, -counts))[:num_neighbours]
-        pairs |= {
-            (min(i, int(j)), max(i, int(j))) for j in neighbours[order[counts[order] >= min_tracks]]
-        }
-    return [np.array(pair, dtype=np.int64) for pair in sorted(pairs)]
+        order = np.argsort(-counts, kind="stable")[:num_neighbours]
+        pairs |= {(min(i, int(j)), max(i, int(j))) for j in order[counts[order] >= min_tracks]}
+    return sorted(pairs)
+
+
+@numba.njit(cache=True)
+def _grow(pointer, image_idx, image_pointer, tracks, first, second, size, min_tracks, images):  # type: ignore[no-untyped-def]
+    a, b = image_pointer[first], image_pointer[second]
+    end_a, end_b = image_pointer[first + 1], image_pointer[second + 1]
+    shared = np.empty(min(end_a - a, end_b - b), dtype=np.int64)
+    n = 0
+    while a < end_a and b < end_b:
+        if tracks[a] < tracks[b]:
+            a += 1
+        elif tracks[a] > tracks[b]:
+            b += 1
+        else:
+            shared[n] = tracks[a]
+            n += 1
+            a += 1
+            b += 1
+    shared = shared[:n]
+    depth = np.full(n, 2, dtype=np.int64)
+    images[0], images[1] = first, second
+    found = 2
+    count = np.zeros(len(image_pointer) - 1, dtype=np.int64)
+    while found < size:
+        count[:] = 0
+        for k in range(n):
+            if depth[k] == found:
+                for o in range(pointer[shared[k]], pointer[shared[k] + 1]):
+                    count[image_idx[o]] += 1
+        for k in range(found):
+            count[images[k]] = -1
+        best = np.argmax(count)
+        if count[best] < min_tracks:
+            break
+        for k in range(n):
+            if depth[k] == found:
+                for o in range(pointer[shared[k]], pointer[shared[k] + 1]):
+                    if image_idx[o] == best:
+                        depth[k] = found + 1
+                        break
+        images[found] = best
+        found += 1
+    return shared, depth, found
 
 
 def grow_block(
-    W: sparse.csr_array, Wc: sparse.csc_array, pair: Int, size: int, min_tracks: int
+    seen: Visibility, pair: tuple[int, int], size: int, min_tracks: int
 ) -> list[tuple[list[int], Int]]:
     """Grow a pair of images, one by one, by the image that keeps the most common tracks.
-
-    Parameters
-    ----------
-    W, Wc : (M, N) visibility as 0 / 1, by rows and by columns
 
     Returns
     -------
     (images, common tracks) of each step from three images on
 
     """
-    first, second = (W.indices[W.indptr[i] : W.indptr[i + 1]] for i in pair)
-    tracks = np.intersect1d(first, second)
-    images = [int(i) for i in pair]
-    local = Wc[:, tracks]
-    steps = []
-    alive = np.ones(len(tracks), dtype=np.int64)
-    rows = local.tocsr()
-    while len(images) < size:
-        common = rows @ alive
-        common[images] = -1
-        best = int(np.argmax(common))
-        if common[best] < min_tracks:
-            break
-        images.append(best)
-        seen = np.zeros(len(tracks), dtype=np.int64)
-        seen[rows.indices[rows.indptr[best] : rows.indptr[best + 1]]] = 1
-        alive *= seen
-        steps.append((list(images), tracks[alive > 0].astype(np.int64)))
-    return steps
+    images = np.empty(max(size, 2), dtype=np.int64)
+    shared, depth, found = _grow(
+        seen.track_pointer, seen.image_idx, seen.image_pointer, seen.tracks,
+        pair[0], pair[1], size, min_tracks, images,
+    )  # fmt: skip
+    return [(images[:k].tolist(), shared[depth >= k]) for k in range(3, found + 1)]
+
+
+@numba.njit(cache=True)
+def _gather(pointer, image_idx, xy, images, tracks, M):  # type: ignore[no-untyped-def]
+    for k in range(len(tracks)):
+        for o in range(pointer[tracks[k]], pointer[tracks[k] + 1]):
+            row = np.searchsorted(images, image_idx[o])
+            if row < len(images) and images[row] == image_idx[o]:
+                M[2 * row, k] = xy[o, 0]
+                M[2 * row + 1, k] = xy[o, 1]
 
 
 def select_blocks(observations: Observations, options: FactorizationOptions) -> list[Block]:
     """Blocks of all sizes asked for around every co-visible pair, without duplicates."""
-    entries = visibility_matrix(observations)
-    W = entries.copy()
-    W.data = np.ones_like(W.data)
-    columns = W.tocsc()
-    lookup = entries.tocsc()
+    seen = visibility(observations)
     found: dict[tuple[int, ...], Block] = {}
-    pairs = covisible_pairs(W, options.num_block_neighbours, options.min_block_tracks)
+    pairs = covisible_pairs(seen.common, options.num_block_neighbours, options.min_block_tracks)
     for pair in pairs:
-        steps = grow_block(W, columns, pair, options.max_block_images, options.min_block_tracks)
+        steps = grow_block(seen, pair, options.max_block_images, options.min_block_tracks)
         for images, tracks in steps:
             key = tuple(sorted(images))
             if len(images) < options.min_block_images or key in found:
@@ -104,9 +165,8 @@ def select_blocks(observations: Observations, options: FactorizationOptions) -> 
                 keep = np.linspace(0, len(tracks) - 1, options.max_block_tracks)
                 tracks = tracks[np.round(keep).astype(np.int64)]
             rows = np.array(key, dtype=np.int64)
-            o = np.asarray(lookup[:, tracks].tocsr()[rows, :].todense(), dtype=np.int64) - 1
-            M = observations.xy[o]  # (m, n, 2)
-            M = M.transpose(0, 2, 1).reshape(2 * len(rows), len(tracks))
+            M = np.full((2 * len(rows), len(tracks)), np.nan)
+            _gather(seen.track_pointer, seen.image_idx, observations.xy, rows, tracks, M)
             found[key] = Block(images=rows, tracks=tracks, M=M)
     return list(found.values())
 

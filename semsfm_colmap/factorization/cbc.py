@@ -17,6 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numba
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -27,6 +28,10 @@ from semsfm_colmap.types import AffineModel, Bool, Float, Int, Solution
 
 MOST = 0.8
 """Share of a block's tracks within the threshold above which no RANSAC is needed."""
+MISS = 1e-4
+"""Chance that RANSAC ends before it has drawn four good columns."""
+MIN_INDEPENDENT = 1e-10
+"""Squared share of a column that must be new for four columns to span a subspace."""
 DENSE_EIGEN_LIMIT = 3000
 """Up to so many rows the eigenvectors come from a dense decomposition."""
 
@@ -60,13 +65,77 @@ def subspace_error(M: Float, mean: Float, U: Float) -> Float:
     return np.asarray(np.sum(D * D, axis=0) - np.sum(projected * projected, axis=0))
 
 
+@numba.njit(cache=True)
+def _ransac(M, limit, picks, order, best):  # type: ignore[no-untyped-def]
+    rows, n = M.shape
+    Q = np.zeros((3, rows))
+    inlier = np.zeros(n, dtype=np.bool_)
+    most, trials = 3, len(picks)
+    t = 0
+    while t < trials:
+        pick = picks[t]
+        t += 1
+        independent = True
+        for k in range(3):
+            before = 0.0
+            for d in range(rows):
+                Q[k, d] = M[d, pick[k + 1]] - M[d, pick[0]]
+                before += Q[k, d] * Q[k, d]
+            for q in range(k):
+                dot = 0.0
+                for d in range(rows):
+                    dot += Q[k, d] * Q[q, d]
+                for d in range(rows):
+                    Q[k, d] -= dot * Q[q, d]
+            norm = 0.0
+            for d in range(rows):
+                norm += Q[k, d] * Q[k, d]
+            if norm <= MIN_INDEPENDENT * before or norm == 0.0:
+                independent = False
+                break
+            norm = np.sqrt(norm)
+            for d in range(rows):
+                Q[k, d] /= norm
+        if not independent:
+            continue
+        count = 0
+        for m in range(n):
+            # no longer able to beat the best
+            if count + n - m <= most:
+                break
+            j = order[m]
+            e = 0.0
+            d0 = 0.0
+            d1 = 0.0
+            d2 = 0.0
+            for d in range(rows):
+                x = M[d, j] - M[d, pick[0]]
+                e += x * x
+                d0 += x * Q[0, d]
+                d1 += x * Q[1, d]
+                d2 += x * Q[2, d]
+            inlier[j] = e - d0 * d0 - d1 * d1 - d2 * d2 < limit
+            count += inlier[j]
+        if count > most:
+            most = count
+            best[:] = inlier
+            # enough trials to have met four good columns with the confidence asked for
+            good = (count / n) ** 4
+            if good > 1.0 - 1e-9:
+                break
+            trials = min(trials, int(np.ceil(np.log(MISS) / np.log(1.0 - good))))
+
+
 def ransac_support(M: Float, limit: float, trials: int, rng: np.random.Generator) -> Bool:
-    """Columns that agree with the best of `trials` subspaces through four random columns each."""
-    pick = rng.random((trials, M.shape[1])).argpartition(4, axis=1)[:, :4]
-    corners = M[:, pick].transpose(1, 0, 2)  # (trials, rows, 4)
-    Q, _ = np.linalg.qr(corners[:, :, 1:] - corners[:, :, :1])
-    supports = [subspace_error(M, corners[k, :, 0], Q[k]) < limit for k in range(trials)]
-    return max(supports, key=np.count_nonzero)
+    """Columns that agree with the best of at most `trials` subspaces through four random columns.
+
+    Trials end when four columns as good as the best set found would have been drawn by then but for
+    a chance of `MISS`.
+    """
+    n = M.shape[1]
+    best = np.zeros(n, dtype=bool)
+    _ransac(np.asfortranarray(M), limit, rng.integers(0, n, (trials, 4)), rng.permutation(n), best)
+    return best
 
 
 def block_basis(
@@ -182,38 +251,30 @@ def joint_translation(bases: list[BlockBasis], A: Float) -> Float:
     """Translations (M, 2) from the block means [paper, equations 17-19].
 
     In block k the mean measurement is ``A_i s_k + t_i`` with unknown centroid s_k. Linear least
-    squares over all s_k and t, with the centroid of all blocks at the origin as gauge.
+    squares over all s_k and t; eliminating the s_k leaves, with Q_k an orthonormal basis of the
+    block's rows of A, the same sparse pattern as the constraints of the cameras:
+
+        sum_k w_k S_k^T (I - Q_k Q_k^T) (S_k t - mean_k) = 0 .
+
+    A common shift of all points, ``t = A c``, is free; a tiny ridge picks one.
     """
-    num_images = len(A)
-    n = 2 * num_images
-    rows, cols, values, rhs = [], [], [], []
-    row = 0
-    for k, basis in enumerate(bases):
+    n = 2 * len(A)
+    rows, cols, values = [], [], []
+    rhs = np.zeros(n)
+    for basis in bases:
         idx = (2 * basis.images[:, None] + np.arange(2)).ravel()
-        w = np.sqrt(basis.num_tracks)
-        local = row + np.arange(len(idx))
-        rows += [local, np.repeat(local, 3)]
-        cols += [idx, np.tile(n + 3 * k + np.arange(3), len(idx))]
-        values += [np.full(len(idx), w), w * A[basis.images].reshape(-1, 3).ravel()]
-        rhs.append(w * basis.mean)
-        row += len(idx)
-    # gauge: the mean of the block centroids is zero
-    num_blocks = len(bases)
-    for d in range(3):
-        rows.append(np.full(num_blocks, row + d))
-        cols.append(n + 3 * np.arange(num_blocks) + d)
-        values.append(np.ones(num_blocks))
-    rhs.append(np.zeros(3))
-    system = sparse.csc_array(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))),
-        shape=(row + 3, n + 3 * num_blocks),
-    )
-    b = np.concatenate(rhs)
-    normal = (system.T @ system).tocsc()
+        Q, _ = np.linalg.qr(A[basis.images].reshape(-1, 3))
+        block = basis.num_tracks * (np.eye(len(idx)) - Q @ Q.T)
+        rows.append(np.repeat(idx, len(idx)))
+        cols.append(np.tile(idx, len(idx)))
+        values.append(block.ravel())
+        rhs[idx] += block @ basis.mean
+    normal = sparse.coo_array(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))), shape=(n, n)
+    ).tocsc()
     ridge = 1e-12 * float(normal.diagonal().max())
-    normal = normal + ridge * sparse.eye_array(normal.shape[0], format="csc")
-    solution = splu(normal.tocsc()).solve(system.T @ b)
-    return np.asarray(solution[:n]).reshape(-1, 2)
+    normal = normal + ridge * sparse.eye_array(n, format="csc")
+    return np.asarray(splu(sparse.csc_array(normal)).solve(rhs)).reshape(-1, 2)
 
 
 def factorize_cbc(

@@ -16,7 +16,7 @@ class FactorizationOptions:
     """Most images of a complete sub-block."""
     min_block_tracks: int = 10
     """Fewest tracks that all images of a sub-block must share."""
-    max_block_tracks: int = 1500
+    max_block_tracks: int = 500
     """A block with more tracks is thinned to so many, evenly: more do not make it better."""
     num_block_neighbours: int = 6
     """From every image blocks grow toward so many neighbours, those with the most tracks."""
