@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from semsfm_colmap.colmap.database_checks import check_writable, database_sentence
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.types import Array, Float, Int
@@ -29,26 +30,25 @@ class DatabaseImage:
 
 @contextmanager
 def open_database(path: Path, *, create: bool = False) -> Iterator[Any]:
-    """Open a database; one sentence when it is missing, locked or not a database."""
-    if not create and not path.is_file():
+    """Open the working database; one sentence when it is missing, held, too new or not one.
+
+    pycolmap writes to every database it opens (tables, version), even to read from it; another's
+    database is read with `colmap.database_reader` instead.
+    """
+    if path.exists() and path.stat().st_size > 0:
+        check_writable(path, unfinished=create)
+    elif not create:
         raise InputError(f"{path} does not exist: run `semsfm extract` first")
     try:
         database = pycolmap.Database.open(str(path))
     except RuntimeError as error:
-        raise InputError(_database_sentence(path, error)) from error
+        raise InputError(database_sentence(path, error)) from error
     try:
         yield database
     except RuntimeError as error:
-        raise InputError(_database_sentence(path, error)) from error
+        raise InputError(database_sentence(path, error)) from error
     finally:
         database.close()
-
-
-def _database_sentence(path: Path, error: Exception) -> str:
-    text = " ".join(str(error).split())
-    if "locked" in text:
-        return f"{path} is in use by another program (COLMAP's GUI?): close it and run again"
-    return f"{path} cannot be used as a COLMAP database ({text[:200]}): move it away and run again"
 
 
 def read_images(path: Path) -> list[DatabaseImage]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from semsfm_colmap.errors import UsageError
 
 FOREIGN = ("database.db", "sparse", "images", "dense", "mesh")
 """Names that another program may have left; they are never overwritten."""
+LOCK_FILE = ".semsfm.lock"
 
 
 @dataclass(frozen=True)
@@ -94,32 +95,40 @@ def check_output(project: Project) -> None:
             )
 
 
-@contextmanager
-def locked(project: Project) -> Iterator[None]:
+def locked(project: Project) -> AbstractContextManager[None]:
     """Hold the project for this process; a second one is told so at once."""
+    return locked_folder(project.path)
+
+
+@contextmanager
+def locked_folder(path: Path) -> Iterator[None]:
+    """Hold a folder that results are written to; made when it is missing.
+
+    The lock file stays: were it removed, a process that has just opened it would hold a lock that
+    the next one cannot see. A killed process gives its lock back to the system.
+    """
     from filelock import FileLock, Timeout
 
+    lock = FileLock(path / LOCK_FILE)
     try:
-        project.path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(
-            f"{project.path} cannot be written ({error.strerror}): give another --output_path"
-        ) from error
-    lock = FileLock(project.path / ".semsfm.lock")
-    try:
+        path.mkdir(parents=True, exist_ok=True)
         lock.acquire(timeout=0)
     except Timeout as error:
         raise UsageError(
-            f"{project.path} is in use by another semsfm process: wait for it or stop it"
+            f"{path} is in use by another semsfm process: wait for it or stop it"
         ) from error
     except OSError as error:
         raise UsageError(
-            f"{project.path} cannot be written ({error.strerror}): give another --output_path"
+            f"{path} cannot be written ({error.strerror}): give another --output_path"
         ) from error
     try:
         yield
     finally:
-        lock.release()
-        (project.path / ".semsfm.lock").unlink(missing_ok=True)
-        if not any(project.path.iterdir()):
-            project.path.rmdir()
+        if [entry.name for entry in path.iterdir()] == [LOCK_FILE]:
+            # nothing came of it: the folder need not have been made
+            (path / LOCK_FILE).unlink()
+            lock.release()
+            with suppress(OSError):
+                path.rmdir()
+        else:
+            lock.release()

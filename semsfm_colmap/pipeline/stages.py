@@ -97,6 +97,7 @@ def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) 
     from semsfm_colmap.colmap.sift import match_sift
     from semsfm_colmap.matching.pairs import select_pairs
     from semsfm_colmap.matching.verify import verify_pair
+    from semsfm_colmap.pipeline.two_view import pair_statistics, stored_geometry
 
     series = read_project_series(project)
     if fresh:
@@ -144,30 +145,8 @@ def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) 
         ):
             geometries.append(geometry)
             progress(len(geometries), len(jobs))
-    stored = {}
-    statistics = []
-    for g in geometries:
-        i, j = g.image_pair
-        a, b = ids[i], ids[j]
-        F, rows = g.F, g.keypoints[g.inlier]
-        # COLMAP keeps the smaller id first; x2^T F x1 = 0 becomes x1^T F^T x2 = 0
-        stored[(a, b) if a < b else (b, a)] = (
-            (F, rows) if a < b else (None if F is None else F.T, rows[:, ::-1])
-        )
-        after_static = len(g.keypoints) - g.rejected_by.get("static", 0)
-        statistics.append(
-            {
-                "image_name_1": series.names[i],
-                "image_name_2": series.names[j],
-                "num_matches": len(g.keypoints),
-                "num_static_rejected": g.rejected_by.get("static", 0),
-                "num_after_affine_ransac": after_static - g.rejected_by.get("epipolar", 0)
-                if g.F is not None
-                else 0,
-                "num_after_distance_filter": int(g.inlier.sum()),
-                "failure": g.failure,
-            }
-        )
+    stored = dict(stored_geometry(g, ids) for g in geometries)
+    statistics = pair_statistics(geometries, series.names)
     write_two_view_geometries(project.database, stored)
     verified = [g for g in geometries if g.F is not None]
     reporter.say(
