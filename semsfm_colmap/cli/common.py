@@ -41,21 +41,32 @@ class StageArguments:
 
 
 def parse(command: type[T], arguments: Sequence[str], name: str, description: str) -> T:
+    """Parse arguments with the positional one first, or given as a flag as COLMAP does."""
+    return parse_flags(command, positional_first(arguments), name, description)
+
+
+def parse_flags(command: type[T], arguments: Sequence[str], name: str, description: str) -> T:
     """Parse arguments into a dataclass, flags in COLMAP's spelling (underscores)."""
     return tyro.cli(
         command,
-        args=positional_first(arguments),
+        args=with_full_flags(arguments),
         prog=f"semsfm {name}",
         description=description,
         use_underscores=True,
     )
 
 
-def positional_first(arguments: Sequence[str]) -> list[str]:
-    """Accept ``--image_path X`` and ``--project_path X`` for the positional argument, as COLMAP."""
+def with_full_flags(arguments: Sequence[str]) -> list[str]:
+    """Write out the flags of `SHORT_FLAGS`."""
     args = list(arguments)
     for short, full in SHORT_FLAGS.items():
         args = [full + a[len(short) :] if a.split("=")[0] == short else a for a in args]
+    return args
+
+
+def positional_first(arguments: Sequence[str]) -> list[str]:
+    """Accept ``--image_path X`` and ``--project_path X`` for the positional argument, as COLMAP."""
+    args = with_full_flags(arguments)
     for flag in ("--image_path", "--project_path"):
         for k, argument in enumerate(args):
             if argument == flag and k + 1 < len(args):
