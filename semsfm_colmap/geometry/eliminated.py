@@ -1,6 +1,7 @@
 """Least squares over cameras with the points eliminated exactly.
 
-The cost is ``sum_o rho(|r_o|^2 / sigma^2) + |prior(c)|^2``, ``r_o = A_i(c) X_j + t_i(c) - xy_o``.
+The cost is ``sum_o rho(|r_o|^2 / sigma_o^2) + |prior(c)|^2``, ``r_o = A_i(c) X_j + t_i(c) - xy_o``,
+with ``sigma_o`` the noise times the observation's relative sigma.
 For given cameras the points are linear (`points.solve_points`), so the search runs over the camera
 parameters alone: variable projection (Golub and Pereyra 1973) with Kaufman's approximation of the
 Jacobian, which is the Schur complement of bundle adjustment evaluated at the optimal points. Each
@@ -11,12 +12,13 @@ parameters)^2; the damping acts on the cameras only, never on the points.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from scipy import sparse
 from scipy.linalg import LinAlgError
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from semsfm_colmap.geometry.losses import LossName
 from semsfm_colmap.geometry.points import fit_points, track_pointer
@@ -120,7 +122,7 @@ def evaluate(
         obs.image_idx,
         pointer,
         obs.xy,
-        precision_of(sigma_px, len(obs)),
+        precision_of(sigma_px, obs),
         start_weight,
         loss=options.loss,
         loss_width=options.loss_width,
@@ -132,9 +134,9 @@ def evaluate(
     return Eliminated(params=params, X=X, residuals=r, weight=w, cost=cost)
 
 
-def precision_of(sigma_px: float | Float, num_observations: int) -> Float:
+def precision_of(sigma_px: float | Float, observations: Observations) -> Float:
     """One over the variance of each observation's coordinates: (O,) px^-2."""
-    return np.array(np.broadcast_to(1.0 / np.square(sigma_px), (num_observations,)))
+    return np.asarray(observations.precision / np.square(sigma_px))
 
 
 def linearise(
@@ -156,7 +158,7 @@ def linearise(
         ),
         np.ascontiguousarray(A),
         state.residuals,
-        state.weight * precision_of(sigma_px, len(obs)),
+        state.weight * precision_of(sigma_px, obs),
         obs.image_idx,
         pointer,
         pairs,
@@ -168,6 +170,12 @@ def linearise(
         H = add_prior(H, prior_jacobian)
         g = g + np.asarray(prior_jacobian.T @ prior)
     return H, g
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Looking for the loaded libraries takes milliseconds: once."""
+    return ThreadpoolController()
 
 
 def minimise(
@@ -185,7 +193,7 @@ def minimise(
     """
     # the reduced systems are small: more BLAS threads only wait for one another
     threads = 1 if model.num_params < SINGLE_THREAD_LIMIT else None
-    with threadpool_limits(limits=threads, user_api="blas"):
+    with _libraries().limit(limits=threads, user_api="blas"):
         return _minimise(model, params, observations, sigma_px, options or SolverOptions())
 
 
@@ -198,8 +206,9 @@ def _minimise(
 ) -> Eliminated[P]:
     pointer = track_pointer(observations.track_idx, observations.num_tracks)
     pairs = covisible_pairs(observations.image_idx, pointer, observations.num_images)
-    ones = np.ones(len(observations))
-    state: Eliminated[Any] = evaluate(model, params, observations, pointer, sigma_px, options, ones)
+    state: Eliminated[Any] = evaluate(
+        model, params, observations, pointer, sigma_px, options, np.ones(len(observations))
+    )
     costs = [state.cost]
     damping, growth = options.initial_damping, 2.0
     converged = False

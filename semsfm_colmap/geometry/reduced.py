@@ -191,7 +191,8 @@ def assemble(
     share = len(values) / max(num_params, 1) ** 2
     if num_params > SPARSE_LIMIT and share < MAX_SPARSE_DENSITY:
         return H.tocsc(), g
-    dense = np.bincount(i * num_params + j, weights=values, minlength=num_params**2)
+    dense = np.zeros(num_params**2)
+    dense += np.bincount(i * num_params + j, weights=values, minlength=num_params**2)
     return dense.reshape(num_params, num_params), g
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from semsfm_colmap.types import Array, Int, Observations
+from semsfm_colmap.types import Array, Bool, Int, Observations
 
 
 def keep_tracks(
@@ -51,3 +51,18 @@ def keep_tracks(
         ),
         kept,
     )
+
+
+def thin_evenly(observations: Observations, per_image: int) -> Bool:
+    """Which tracks to keep (N,) so that every image keeps about `per_image` observations, or all.
+
+    A track is kept with the largest share that one of its images asks for, spread evenly over the
+    track numbers.
+    """
+    obs = observations
+    count = np.bincount(obs.image_idx, minlength=obs.num_images)
+    share = np.minimum(1.0, per_image / np.maximum(count, 1))
+    wanted = np.zeros(obs.num_tracks)
+    np.maximum.at(wanted, obs.track_idx, share[obs.image_idx])
+    steps = np.floor(np.cumsum(wanted) + 1e-9)
+    return np.asarray(np.diff(steps, prepend=0.0) > 0.0)

@@ -70,28 +70,36 @@ def _point_covariance(J, A, w, image_idx, pointer, param_idx, C, out):  # type: 
         if not invert_symmetric(H, inverse):
             out[j] = np.nan
             continue
-        # B = E^T C E, summed over all pairs of observations of the track
         E = np.zeros((end - begin, p, 3))
         for o in range(begin, end):
             i = image_idx[o]
             for k in range(p):
                 for m in range(3):
                     E[o - begin, k, m] = w[o] * (J[o, 0, k] * A[i, 0, m] + J[o, 1, k] * A[i, 1, m])
+        # B = E^T C E, summed over all pairs of observations of the track
         B = np.zeros((3, 3))
+        CE = np.zeros((p, 3))
         for o in range(begin, end):
-            for q in range(begin, end):
-                for k in range(p):
-                    gk = param_idx[image_idx[o], k]
-                    if gk < 0:
+            for q in range(begin, o + 1):
+                CE[:] = 0.0
+                for m in range(p):
+                    gm = param_idx[image_idx[q], m]
+                    if gm < 0:
                         continue
-                    for m in range(p):
-                        gm = param_idx[image_idx[q], m]
-                        if gm < 0:
-                            continue
-                        c = C[gk, gm]
-                        for x in range(3):
+                    for k in range(p):
+                        gk = param_idx[image_idx[o], k]
+                        if gk >= 0:
                             for y in range(3):
-                                B[x, y] += E[o - begin, k, x] * c * E[q - begin, m, y]
+                                CE[k, y] += C[gk, gm] * E[q - begin, m, y]
+                for x in range(3):
+                    for y in range(3):
+                        value = 0.0
+                        for k in range(p):
+                            value += E[o - begin, k, x] * CE[k, y]
+                        B[x, y] += value
+                        # the pair the other way round is the transpose
+                        if q < o:
+                            B[y, x] += value
         out[j] = inverse + inverse @ B @ inverse
 
 
