@@ -136,9 +136,18 @@ class Observations(_Frozen):
     xy: Float
     num_images: int
     num_tracks: int
+    relative_sigma: Float | None = None
+    """(O,) standard deviation of each in units of the series' noise; None: all alike"""
 
     def __len__(self) -> int:
         return len(self.image_idx)
+
+    @property
+    def precision(self) -> Float:
+        """(O,) weights ``1 / relative_sigma^2``."""
+        if self.relative_sigma is None:
+            return np.ones(len(self))
+        return np.asarray(1.0 / np.square(self.relative_sigma))
 
     def select(self, mask: Array) -> Observations:
         """The observations where `mask` is True; images and tracks keep their numbers."""
@@ -148,6 +157,7 @@ class Observations(_Frozen):
             track_idx=self.track_idx[mask],
             keypoint_idx=self.keypoint_idx[mask],
             xy=self.xy[mask],
+            relative_sigma=None if self.relative_sigma is None else self.relative_sigma[mask],
         )
 
     def measurement_matrix(self) -> Float:

@@ -11,7 +11,7 @@ parameters)^2; the damping acts on the cameras only, never on the points.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -20,7 +20,7 @@ from scipy import sparse
 from scipy.linalg import LinAlgError
 from threadpoolctl import ThreadpoolController
 
-from semsfm_colmap.geometry.losses import LossName
+from semsfm_colmap.geometry.losses import LossName, gaussian_constants
 from semsfm_colmap.geometry.points import fit_points, track_pointer
 from semsfm_colmap.geometry.reduced import (
     CovisiblePairs,
@@ -85,7 +85,8 @@ class SolverOptions:
     initial_damping: float = 1e-4
     """First damping, relative to the diagonal of the reduced Hessian."""
     loss: LossName = "squared"
-    """Loss of the residual norm."""
+    """Loss of the residual norm, times its gain (see `losses.GaussianConstants`), so that it keeps
+    the right weight against the priors."""
     loss_width: float = 2.0
     """Where the loss bends, in units of the noise."""
 
@@ -98,7 +99,9 @@ class Eliminated(Generic[P]):
     X: Float
     residuals: Float
     weight: Float
+    """(O,) slope of the loss"""
     cost: float
+    options: SolverOptions = field(default_factory=SolverOptions)
     costs: tuple[float, ...] = ()
     iterations: int = 0
     converged: bool = False
@@ -109,7 +112,7 @@ def evaluate(
     params: P,
     observations: Observations,
     pointer: Int,
-    sigma_px: float | Float,
+    sigma_px: float,
     options: SolverOptions,
     start_weight: Float,
 ) -> Eliminated[P]:
@@ -129,14 +132,16 @@ def evaluate(
         # with a robust loss the points are reweighted twice: enough, the outer loop goes on
         rounds=1 if options.loss == "squared" else 3,
     )
+    gain = gaussian_constants(options.loss, options.loss_width).gain
+    w *= gain
     prior, _ = model.prior(params)
-    cost += float(prior @ prior)
-    return Eliminated(params=params, X=X, residuals=r, weight=w, cost=cost)
+    cost = gain * cost + float(prior @ prior)
+    return Eliminated(params=params, X=X, residuals=r, weight=w, cost=cost, options=options)
 
 
-def precision_of(sigma_px: float | Float, observations: Observations) -> Float:
+def precision_of(sigma_px: float, observations: Observations) -> Float:
     """One over the variance of each observation's coordinates: (O,) px^-2."""
-    return np.asarray(observations.precision / np.square(sigma_px))
+    return np.asarray(observations.precision / sigma_px**2)
 
 
 def linearise(
@@ -144,7 +149,7 @@ def linearise(
     state: Eliminated[P],
     observations: Observations,
     pointer: Int,
-    sigma_px: float | Float,
+    sigma_px: float,
     pairs: CovisiblePairs | None = None,
 ) -> tuple[Matrix, Float]:
     """Hessian and gradient of half the cost at a state, priors included."""
@@ -183,13 +188,14 @@ def minimise(
     params: P,
     observations: Observations,
     *,
-    sigma_px: float | Float = 1.0,
+    sigma_px: float = 1.0,
     options: SolverOptions | None = None,
 ) -> Eliminated[P]:
     """Levenberg-Marquardt from `params`; the cost never rises (Nielsen's damping update).
 
     Observations must be sorted by track, then image. Tracks whose rays do not fix a point have no
-    say. ``sigma_px`` is the noise of a coordinate, one for all or one for each observation (O,).
+    say. ``sigma_px`` is the noise of a coordinate, in which ``relative_sigma`` of an observation
+    counts.
     """
     # the reduced systems are small: more BLAS threads only wait for one another
     threads = 1 if model.num_params < SINGLE_THREAD_LIMIT else None
@@ -201,7 +207,7 @@ def _minimise(
     model: CameraModel[P],
     params: P,
     observations: Observations,
-    sigma_px: float | Float,
+    sigma_px: float,
     options: SolverOptions,
 ) -> Eliminated[P]:
     pointer = track_pointer(observations.track_idx, observations.num_tracks)

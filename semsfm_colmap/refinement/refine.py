@@ -198,10 +198,12 @@ def _adjust(
     used, tracks = keep_tracks(local, inlier, min_length=options.min_track_length)
     pointer = track_pointer(used.track_idx, used.num_tracks)
     P, t = cameras.projection, np.asarray(cameras.translation_px)
-    X = np.nan_to_num(solve_points(P, t, used.image_idx, pointer, used.xy, np.ones(len(used))))
+    X = np.nan_to_num(solve_points(P, t, used.image_idx, pointer, used.xy, used.precision))
     r = residuals(P, t, X, used.image_idx, used.track_idx, used.xy)
     length = np.diff(pointer)[used.track_idx]
-    sigma = noise_sigma(r, length, len(images))
+    # in units of each observation's relative sigma
+    unit = np.sqrt(used.precision)[:, None]
+    sigma = noise_sigma(r * unit, length, len(images))
     result = bundle_adjust(
         cameras,
         used,
@@ -228,7 +230,7 @@ def _adjust(
         points=X,
         observations=used,
         inlier=full,
-        sigma_px=noise_sigma(state.residuals, length, len(images)),
+        sigma_px=noise_sigma(state.residuals * unit, length, len(images)),
         residuals=state.residuals,
         state=state,
         model=result.diagnostics["model"],
