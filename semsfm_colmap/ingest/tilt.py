@@ -3,11 +3,12 @@
 A stage, a table or a nominal step give an angle per image. Stages have an unknown zero and some
 backlash, so only differences count, each with a standard deviation; whether the numbers are right
 at all is checked against the reconstruction (`check_tilt`): the angle of each camera about the
-common axis is regressed on the known one, and a slope away from 1 means that either is wrong.
+common axis is regressed on the known one, and a slope away from 1 means that either is wrong. How
+far from 1 depends on the range of tilt (`geometry.tilt`).
 
-How far from 1 depends on the range of tilt: with parallel projection the angle of a small tilt is
-seen in second order only, and a change of magnification by a fraction s mimics a change of the
-angle by about s * 9000 / range^2 (range in degrees), as measured on rendered series.
+Where they agree, the common factor of all angles is the weighted mean of what the images say and
+what is known (`combine_tilt`). The weight of the images is not their formal error, which thousands
+of features make tiny, but what their angles were seen to be wrong by.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.geometry.tilt import MAX_DRIFT, tilt_error, tilt_tolerance
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.types import Float, SemSeries
 
@@ -28,11 +30,6 @@ SIGMA_STAGE_DEG = 0.5
 SIGMA_STEP_PART = 0.1
 MIN_RANGE_DEG = 0.5
 """Tilts that vary less say that the specimen was not turned by the stage."""
-MAGNIFICATION_DRIFT = 0.003
-"""Upper end of what is seen between frames of one series."""
-DRIFT_TO_TILT = 9000.0
-"""Relative error of the tilt per relative change of magnification, times the squared range."""
-MIN_TOLERANCE = 0.03
 MAX_ROUGHNESS = 4.0
 """Scatter about the line, in standard deviations of the prior, above which frames are named."""
 
@@ -64,6 +61,8 @@ class TiltCheck:
     factor: float
     """Estimated over known tilt, from the regression; its sign is that of the axis."""
     tolerance: float
+    factor_sigma: float
+    """One standard deviation that the known tilts leave to the factor."""
     scatter_rad: float
     """RMS about the regression line."""
     outliers: tuple[str, ...]
@@ -124,21 +123,21 @@ def check_tilt(prior: TiltPrior, image_names: Sequence[str], cam_from_world: Flo
         for i, name in enumerate(image_names)
         if name in index and np.isfinite(prior.angle_rad[index[name]])
     ]
-    if len(rows) < 3:
-        return TiltCheck(
-            consistent=True, factor=math.nan, tolerance=math.nan, scatter_rad=math.nan, outliers=(),
-            message="fewer than three images have both a known and an estimated tilt",
-        )  # fmt: skip
     known = prior.angle_rad[[a for a, _ in rows]]
+    if len(rows) < 3 or float(np.ptp(known)) < math.radians(MIN_RANGE_DEG):
+        return TiltCheck(
+            consistent=True, factor=math.nan, tolerance=math.nan, factor_sigma=math.nan,
+            scatter_rad=math.nan, outliers=(),
+            message="fewer than three images have both a known and an estimated tilt"
+            if len(rows) < 3
+            else "the known tilts of the registered images do not differ",
+        )  # fmt: skip
     sigma = prior.sigma_rad[[a for a, _ in rows]]
     estimated = angles_about_common_axis(cam_from_world[[b for _, b in rows]])
     factor, residual = _robust_line(known, estimated)
-    range_deg = math.degrees(float(np.ptp(known)))
-    drift = MAGNIFICATION_DRIFT * DRIFT_TO_TILT / max(range_deg, 1.0) ** 2
-    slope_noise = (
-        3 * float(np.median(sigma)) / math.sqrt(float(((known - known.mean()) ** 2).sum()))
-    )
-    tolerance = max(MIN_TOLERANCE, drift, slope_noise)
+    range_rad = float(np.ptp(estimated))
+    factor_sigma = float(np.median(sigma)) / math.sqrt(float(((known - known.mean()) ** 2).sum()))
+    tolerance = tilt_tolerance(range_rad, factor_sigma)
     consistent = abs(abs(factor) - 1) <= tolerance
     scatter = float(np.sqrt(np.mean(residual**2)))
     limit = np.maximum(MAX_ROUGHNESS * sigma, 3 * 1.4826 * float(np.median(np.abs(residual))))
@@ -147,24 +146,58 @@ def check_tilt(prior: TiltPrior, image_names: Sequence[str], cam_from_world: Flo
         for (a, _), bad in zip(rows, np.abs(residual) > limit, strict=True)
         if bad
     )
-    percent = 100 * (abs(factor) - 1)
     if consistent:
         message = (
             f"the estimated tilt is {abs(factor):.3f} times the known one, within the "
-            f"{100 * tolerance:.0f} % that can be told from {range_deg:.0f} degrees"
+            f"{100 * tolerance:.0f} % that can be told from {math.degrees(range_rad):.0f} degrees"
         )
     else:
         message = (
-            f"the known tilts ({prior.source}) span {range_deg:.1f} degrees, but the images show "
-            f"{abs(factor):.3f} times that ({percent:+.0f} %): check the recorded tilts or the "
-            "step; they are not obeyed"
+            f"the known tilts ({prior.source}) span {math.degrees(float(np.ptp(known))):.1f} "
+            f"degrees, but the images show {math.degrees(range_rad):.1f}: check the recorded tilts "
+            "or the step; they are not obeyed"
         )
+        if abs(abs(factor) - 1) <= tilt_error(range_rad, MAX_DRIFT):
+            message += (
+                f" (a change of the magnification by {MAX_DRIFT:.1%} between the images would "
+                "explain it, too)"
+            )
     if outliers:
         message += f"; the tilt of {', '.join(outliers[:3])} does not fit the others"
     return TiltCheck(
-        consistent=consistent, factor=factor, tolerance=tolerance, scatter_rad=scatter,
-        outliers=outliers, message=message,
+        consistent=consistent, factor=factor, tolerance=tolerance, factor_sigma=factor_sigma,
+        scatter_rad=scatter, outliers=outliers, message=message,
     )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class CombinedTilt:
+    """What images and knowledge say together about the common factor of all angles."""
+
+    stretch: float
+    """To multiply the angles estimated from the images alone with."""
+    weight: float
+    """Of the known tilts, in 0 to 1."""
+    sigma: float
+    """One relative standard deviation of the angles after that."""
+
+
+def combine_tilt(check: TiltCheck, range_rad: float, range_sigma_rad: float) -> CombinedTilt:
+    """The mean of the estimated and the known angles, weighted by their variances.
+
+    Parameters
+    ----------
+    check : of a prior that the images do not contradict, with a factor
+    range_rad, range_sigma_rad : largest rotation between two images, and its formal error
+
+    """
+    images = math.hypot(range_sigma_rad / range_rad, tilt_error(range_rad))
+    weight = images**2 / (images**2 + check.factor_sigma**2)
+    return CombinedTilt(
+        stretch=abs(check.factor) ** -weight,
+        weight=weight,
+        sigma=images * check.factor_sigma / math.hypot(images, check.factor_sigma),
+    )
 
 
 def angles_about_common_axis(cam_from_world: Float) -> Float:

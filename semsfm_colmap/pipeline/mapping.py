@@ -21,7 +21,7 @@ from semsfm_colmap.geometry.rotations import (
     rotation_angle,
     vector_from_rotation,
 )
-from semsfm_colmap.ingest.tilt import TiltPrior, check_tilt
+from semsfm_colmap.ingest.tilt import TiltPrior, check_tilt, combine_tilt
 from semsfm_colmap.refinement.covariance import Covariance, estimate_covariance
 from semsfm_colmap.refinement.depth_reversal import (
     apply_user_word,
@@ -48,6 +48,8 @@ GAUGE = (
     "viewer), its origin is the centroid of the points; standard deviations are in the gauge of "
     "smallest total variance (inner constraints)"
 )
+TIGHT = 0.1
+"""Standard deviation of angles that are to hold, in formal errors of the images."""
 SMALL_ROTATION_DEG = 15.0
 """Below this total rotation the angle is seen in second order only."""
 
@@ -191,7 +193,7 @@ def finish(
     ).value
     cameras, points = refined.cameras, refined.points
     sizes = image_size_px[refined.images]
-    figures, notes = reliability(refined, covariance, options)
+    figures, notes = reliability(refined, covariance, options, tilt_known=tilt is not None)
     cues = visibility_cues(cameras, points, refined.observations, sizes)
     if tilt is not None and options.receding_edge != "unknown":
         known, sigma = known_tilts(tilt, [image_names[i] for i in refined.images])
@@ -283,29 +285,54 @@ def with_known_tilt(
     options: RefinementOptions,
     tilt: TiltPrior | None,
 ) -> tuple[Refined, dict[str, Any], list[str]]:
-    """Adjust with the known tilt when the images agree with it; else say so and leave it out."""
+    """Adjust with the known tilt when the images agree with it; else say so and leave it out.
+
+    The adjusted angles are those of the images, all stretched by one factor (`combine_tilt`): how
+    they lie to one another the images know better than any stage. The error bars stay those of the
+    images alone.
+    """
     if tilt is None:
         return refined, {}, []
     names = [image_names[i] for i in refined.images]
-    check = check_tilt(tilt, names, np.asarray(refined.cameras.cam_from_world))
+    R = np.asarray(refined.cameras.cam_from_world)
+    check = check_tilt(tilt, names, R)
     figures = {
-        "tilt_prior": {
-            "source": tilt.source,
-            "consistent": check.consistent,
-            "factor": check.factor,
-            "tolerance": check.tolerance,
-        }
+        "source": tilt.source,
+        "consistent": check.consistent,
+        "factor": check.factor,
+        "tolerance": check.tolerance,
     }
-    if not check.consistent:
-        return refined, figures, [f"{check.message}; it was not used"]
-    angles = angle_prior(*known_tilts(tilt, names))
-    if angles is None:
-        return refined, figures, []
-    return adjust_with_angles(refined, angles, options), figures, [check.message]
+    known = angle_prior(*known_tilts(tilt, names))
+    covariance = estimate_covariance(
+        refined.model, refined.state, refined.observations, refined.sigma_px
+    ).value
+    if not check.consistent or known is None or covariance is None or np.isnan(check.factor):
+        return refined, {"tilt_prior": figures}, [check.message]
+    range_sigma = total_rotation_sigma(refined, covariance)
+    combined = combine_tilt(check, total_rotation(R), range_sigma)
+    a, b = known.pairs.T
+    angles = replace(
+        known,
+        angle_rad=combined.stretch * rotation_angle(R[a] @ R[b].transpose(0, 2, 1)),
+        sigma_rad=np.full(len(a), TIGHT * range_sigma),
+    )
+    adjusted = replace(
+        adjust_with_angles(refined, angles, options), state=refined.state, model=refined.model
+    )
+    figures |= {"stretch": combined.stretch, "weight": combined.weight, "sigma": combined.sigma}
+    note = (
+        f"{check.message}; with a weight of {100 * combined.weight:.0f} % for the known tilts "
+        f"({tilt.source}) the angles changed by {100 * (combined.stretch - 1):+.2f} %"
+    )
+    return adjusted, {"tilt_prior": figures}, [note]
 
 
 def reliability(
-    refined: Refined, covariance: Covariance | None, options: RefinementOptions
+    refined: Refined,
+    covariance: Covariance | None,
+    options: RefinementOptions,
+    *,
+    tilt_known: bool,
 ) -> tuple[dict[str, Any], list[str]]:
     """Total rotation with its error bar, the ladder of models, leave-one-out; and what they say."""
     solver = SolverOptions(
@@ -341,7 +368,8 @@ def reliability(
     if range_deg < SMALL_ROTATION_DEG:
         notes.append(
             f"the total rotation is only {range_deg:.2f} deg (sigma {sigma_deg:.2f}): angles and "
-            "depths are weakly determined; tilt further, or give the known tilt"
+            "depths are weakly determined; tilt further"
+            + ("" if tilt_known else ", or give the known tilt")
         )
     if comparison.depth_uncertainty > 0.01 and "disagree" in comparison.message:
         notes.append(comparison.message)

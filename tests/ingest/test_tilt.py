@@ -14,6 +14,7 @@ from semsfm_colmap.ingest.tilt import (
     TiltPrior,
     angles_about_common_axis,
     check_tilt,
+    combine_tilt,
     parse_axis,
     tilt_prior,
 )
@@ -158,12 +159,55 @@ def test_the_zero_of_the_stage_does_not_matter() -> None:
     assert check_tilt(prior, names_of(prior), cameras(TILTS)).consistent
 
 
-def test_a_small_range_cannot_convict_a_prior() -> None:
+def test_over_a_small_range_a_contradiction_may_also_be_a_change_of_magnification() -> None:
     tilts = np.linspace(0, 8, 5)
-    prior = prior_of(tilts * 1.2)
+    agreeing = prior_of(tilts * 1.1)
+    assert check_tilt(agreeing, names_of(agreeing), cameras(tilts)).consistent
+    prior = prior_of(tilts * 1.3)
     check = check_tilt(prior, names_of(prior), cameras(tilts))
+    assert not check.consistent
+    assert "a change of the magnification by 0.3% between the images would" in check.message
+    wide = prior_of(TILTS * 1.2)
+    assert "magnification" not in check_tilt(wide, names_of(wide), cameras(TILTS)).message
+
+
+def test_the_tolerance_is_three_joint_sigmas_and_never_below_three_percent() -> None:
+    for span, sigma in ((10.0, 0.2), (10.0, 2.0), (60.0, 0.2)):
+        tilts = np.linspace(0, span, 5)
+        prior = prior_of(tilts, sigma)
+        check = check_tilt(prior, names_of(prior), cameras(tilts))
+        known = sigma / np.sqrt(np.sum((tilts - tilts.mean()) ** 2))
+        images = 0.0004 * 9000 / span**2
+        assert check.factor_sigma == pytest.approx(known)
+        assert check.tolerance == pytest.approx(max(0.03, 3 * np.hypot(known, images)))
+
+
+def test_equal_tilts_of_what_is_left_say_nothing() -> None:
+    prior = prior_of(np.array([0.0, 0.0, 0.0, 10.0]))
+    check = check_tilt(prior, ["0.tif", "1.tif", "2.tif"], cameras(np.array([0.0, 5.0, 10.0])))
     assert check.consistent
-    assert check.tolerance > 0.25
+    assert "do not differ" in check.message
+
+
+@pytest.mark.parametrize("factor", [0.96, 1.0, 1.04])
+def test_angles_are_stretched_toward_the_known_ones_by_their_weight(factor: float) -> None:
+    tilts = np.linspace(0, 10, 3)
+    for sigma, low, high in ((1e-4, 0.999, 1.0), (0.2, 0.5, 0.7), (50.0, 0.0, 1e-3)):
+        prior = prior_of(tilts / factor, sigma)
+        check = check_tilt(prior, names_of(prior), cameras(tilts))
+        combined = combine_tilt(check, radians(10.0), radians(0.05))
+        assert low <= combined.weight <= high
+        assert combined.stretch == pytest.approx(factor**-combined.weight)
+        images = np.hypot(0.05 / 10, 0.0004 * 9000 / 100)
+        assert combined.sigma <= min(images, check.factor_sigma)
+        joint = combined.sigma**-2
+        assert joint == pytest.approx(images**-2 + check.factor_sigma**-2)
+
+
+def test_over_a_wide_range_the_images_have_the_word() -> None:
+    prior = prior_of(TILTS * 1.01)
+    check = check_tilt(prior, names_of(prior), cameras(TILTS))
+    assert combine_tilt(check, radians(60.0), radians(0.02)).weight < 0.12
 
 
 def test_a_single_wrong_entry_is_named() -> None:
