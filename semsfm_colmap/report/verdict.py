@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from semsfm_colmap.geometry.tilt import tilt_tolerance
+
 MIN_RANGE_DEG = 15.0
 """Below this total rotation angle and depth are seen only in second order: neither a fixed nor a
 free magnification is safe (0.1 % of drift shifts the tilt by several percent)."""
@@ -135,12 +137,11 @@ def _facts(m: dict[str, Any]) -> Iterator[str]:
                 f"{number(closing['last_to_first_deg'])}°, against a median step of "
                 f"{number(closing['median_step_deg'])}°."
             )
-    if rotation["stage_tilt"] is not None:
+    if rotation["stage_tilt"] is not None and _tilt_agrees(rotation):
         tilt = rotation["stage_tilt"]
         yield (
-            f"The angles follow the tilt recorded by the stage with a slope of "
-            f"{number(tilt['slope'], 4)} and {number(tilt['rms_deg'], 2)}° rms over "
-            f"{count(tilt['num_images'], 'image')}."
+            f"The angles follow the recorded tilt with a slope of {number(tilt['slope'], 4)} and "
+            f"{number(tilt['rms_deg'], 2)}° rms over {count(tilt['num_images'], 'image')}."
         )
     sign = m["depth_sign"]
     if sign["status"] == "resolved":
@@ -156,6 +157,11 @@ def _facts(m: dict[str, Any]) -> Iterator[str]:
             f"{count(mesh['num_components'], 'component')}, an area of "
             f"{number(mesh['area_world2'])} {u}², and fits a box of {size} {u}."
         )
+
+
+def _tilt_agrees(rotation: dict[str, Any]) -> bool:
+    slope = rotation["stage_tilt"]["slope"]
+    return bool(abs(slope - 1.0) <= tilt_tolerance(np.deg2rad(rotation["range_deg"])))
 
 
 def _doubts_about_depth(m: dict[str, Any]) -> Iterator[str]:
@@ -177,6 +183,12 @@ def _doubts_about_depth(m: dict[str, Any]) -> Iterator[str]:
         yield (
             "Two parallel views leave the depth scale and the angle between them undetermined: "
             "without a known angle the shape is a guess. Add a third image."
+        )
+    if rotation["stage_tilt"] is not None and not _tilt_agrees(rotation):
+        yield (
+            f"The images turned {number(rotation['stage_tilt']['slope'], 4)} times as far as the "
+            "recorded tilts say, more than either can be wrong: check the tilts, or whether the "
+            "magnification changed."
         )
     if rotation["range_deg"] < MIN_RANGE_DEG:
         yield (

@@ -6,7 +6,7 @@ import pytest
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.report.metrics import compute_metrics
 from semsfm_colmap.report.verdict import count, fixed, judge, number, percent
-from semsfm_colmap.types import DepthSign
+from semsfm_colmap.types import DepthSign, SemMetadata, SemSeries
 from tests.report.series import cube, empty_reconstruction, make_inputs, make_reconstruction
 
 ANGLES = np.arange(10) * 4.0
@@ -31,6 +31,21 @@ def test_a_sound_series_leaves_no_doubt_and_says_its_facts():
     assert "Depth sign: resolved, with a confidence of 99.0\u202f%" in text
     assert "visibility 99.0\u202f%" in text
     assert "12 faces in 1 component" in text
+
+
+@pytest.mark.parametrize(("slope", "agrees"), [(1.0, True), (1.02, True), (0.835, False)])
+def test_recorded_tilts_that_the_images_contradict_are_doubted(slope, agrees):
+    inputs = make_inputs(make_reconstruction(ANGLES))
+    frames = tuple(
+        replace(frame, metadata=SemMetadata(tilt_rad=np.deg2rad(tilt / slope)))
+        for frame, tilt in zip(inputs.series.frames, ANGLES, strict=True)
+    )
+    result = judge(compute_metrics(replace(inputs, series=SemSeries(frames=frames))))
+    follows = [fact for fact in result.facts if "follow the recorded tilt" in fact]
+    assert len(follows) == agrees
+    assert len(result.doubts) == (not agrees)
+    if not agrees:
+        assert "turned 0.8350 times as far as the recorded tilts say" in result.doubts[0]
 
 
 def test_a_full_turn_is_named():
