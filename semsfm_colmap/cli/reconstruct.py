@@ -42,13 +42,33 @@ class Arguments:
     config: Flattened = field(default_factory=Config)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ReconstructArguments(Arguments):
+    """Arguments of the whole reconstruction."""
+
+    database_path: Path | None = None
+    """A COLMAP database with features and matches of the images, used in place of our own; it is
+    not changed."""
+
+
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
+    from semsfm_colmap.pipeline.external_import import reconstruct_from_database
     from semsfm_colmap.pipeline.reconstruct import run_stages
 
     args = positional_first(arguments)
-    command = with_default_config(Arguments, file_config(args))
+    command = with_default_config(ReconstructArguments, file_config(args))
     parsed = parse(command, args, "reconstruct", DESCRIPTION)
+    if parsed.database_path is not None:
+        reconstruct_from_database(
+            parsed.image_path,
+            parsed.database_path,
+            parsed.output_path,
+            parsed.config,
+            reporter=verbosity(parsed.verbose, parsed.quiet),
+            force=parsed.force,
+        )
+        return
     run_stages(
         parsed.output_path,
         parsed.config,

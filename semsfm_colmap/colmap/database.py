@@ -92,6 +92,30 @@ def read_descriptors(path: Path, image_id: int) -> Array:
     return np.asarray(getattr(descriptors, "data", descriptors))
 
 
+def write_features(
+    path: Path, image_id: int, keypoints: Array, descriptors: tuple[int, Array] | None
+) -> None:
+    """Write the features of an image that has none, in one transaction.
+
+    Parameters
+    ----------
+    keypoints : (K, 2 to 6); COLMAP knows two, four and six columns, others are cut down to these
+    descriptors : COLMAP's number of the extractor, (K, bytes) uint8
+
+    """
+    columns = keypoints.shape[1] // 2 * 2
+    with open_database(path) as db, pycolmap.DatabaseTransaction(db):
+        db.write_keypoints(image_id, np.ascontiguousarray(keypoints[:, :columns], dtype=np.float32))
+        if descriptors is not None:
+            kind, data = descriptors
+            db.write_descriptors(
+                image_id,
+                pycolmap.FeatureDescriptors(
+                    pycolmap.FeatureExtractorType(kind), np.ascontiguousarray(data)
+                ),
+            )
+
+
 def read_matches(path: Path) -> dict[ImagePair, Int]:
     """All raw matches: pair of image ids -> (L, 2) keypoint indices."""
     with open_database(path) as db:
