@@ -6,6 +6,8 @@ least squares. Huber and Cauchy as in Triggs et al. 2000, section 2.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numba
@@ -34,6 +36,39 @@ def weight(name: LossName, s: Float, width: float) -> Float:
     if name == "huber":
         return np.asarray(width / np.sqrt(np.maximum(s, w2)))
     return np.asarray(1.0 / (1.0 + s / w2))
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussianConstants:
+    """What a robust loss makes of Gaussian noise in two coordinates.
+
+    With w = rho', the estimate that minimises ``sum rho(s)`` has the covariance
+    ``(b / a^2) F^-1``, F the information of the squared loss, a = E[w + w' s] the mean slope of the
+    influence w r and b = E[w^2 s] / 2 its variance [Huber and Ronchetti 2009, section 7.6].
+    """
+
+    gain: float
+    """a / b: the factor on rho that makes its curvature, a^2 / b F, the information it delivers, so
+    that it is balanced rightly against priors and differences of cost are chi squares"""
+    efficiency: float
+    """a^2 / b, at most 1: the share of the information that is used"""
+
+
+@cache
+def gaussian_constants(name: LossName, width: float) -> GaussianConstants:
+    """Gain and efficiency of a loss, by quadrature over s = |r|^2 / sigma^2 ~ 2 Exp(1)."""
+    if name == "squared":
+        return GaussianConstants(gain=1.0, efficiency=1.0)
+    x = np.linspace(0.0, 60.0, 60001)
+    s = 2.0 * x
+    w = weight(name, s, width)
+    slope = np.gradient(w, s, edge_order=2)
+
+    def mean(f: Float) -> float:
+        return float(np.trapezoid(f * np.exp(-x), x))
+
+    a, b = mean(w + slope * s), mean(w * w * s) / 2.0
+    return GaussianConstants(gain=a / b, efficiency=a * a / b)
 
 
 LOSS_NUMBER = {"squared": 0, "huber": 1, "cauchy": 2}

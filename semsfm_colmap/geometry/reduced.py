@@ -9,7 +9,7 @@ square. They become one matrix at the end, dense or sparse as it fits.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numba
@@ -120,6 +120,16 @@ def _accumulate(  # type: ignore[no-untyped-def]
                             )
 
 
+def track_batches(pointer: Int) -> Iterator[tuple[int, int]]:
+    """Ranges of tracks (first, last) of at most `BATCH_OBSERVATIONS` each, at least one track."""
+    first, num_tracks = 0, len(pointer) - 1
+    while first < num_tracks:
+        last = int(np.searchsorted(pointer, pointer[first] + BATCH_OBSERVATIONS, side="right")) - 1
+        last = min(max(last, first + 1), num_tracks)
+        yield first, last
+        first = last
+
+
 def accumulate_blocks(
     jacobian: Callable[[slice], Float],
     A: Float,
@@ -143,14 +153,11 @@ def accumulate_blocks(
     (B, p, p) and (M, p)
 
     """
-    num_tracks, num_images = len(pointer) - 1, len(pairs.lookup)
+    num_images = len(pairs.lookup)
     blocks = np.zeros((SUM_CHUNKS, len(pairs.first), num_local, num_local))
     gradient = np.zeros((SUM_CHUNKS, num_images, num_local))
     max_len = int(np.max(np.diff(pointer), initial=1))
-    first = 0
-    while first < num_tracks:
-        last = int(np.searchsorted(pointer, pointer[first] + BATCH_OBSERVATIONS, side="right")) - 1
-        last = min(max(last, first + 1), num_tracks)
+    for first, last in track_batches(pointer):
         rows = slice(int(pointer[first]), int(pointer[last]))
         # equal shares of observations
         targets = np.linspace(rows.start, rows.stop, SUM_CHUNKS + 1)
@@ -163,7 +170,6 @@ def accumulate_blocks(
                 J, A, r, w, image_idx, pointer, pairs.lookup, chunk, rows.start,
                 blocks, gradient, max_len,
             )  # fmt: skip
-        first = last
     return blocks.sum(axis=0), gradient.sum(axis=0)
 
 

@@ -18,11 +18,13 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 from scipy import sparse
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, lapack
 
 from semsfm_colmap.geometry.eliminated import Eliminated, linearise, precision_of
 from semsfm_colmap.geometry.losses import gaussian_constants, weight
 from semsfm_colmap.geometry.points import add_observation, invert_symmetric, track_pointer
+from semsfm_colmap.geometry.reduced import PARALLEL_COST, track_batches
+from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.refinement.bundle import BundleModel
 from semsfm_colmap.types import Array, Float, Observations, OrthographicCameras, Solution
 
@@ -62,9 +64,12 @@ def gauge_directions(model: BundleModel, cameras: OrthographicCameras) -> Float:
 
 
 @numba.njit(cache=True, parallel=True)
-def _point_covariance(J, A, w, image_idx, pointer, param_idx, C, out):  # type: ignore[no-untyped-def]
+def _point_covariance(  # type: ignore[no-untyped-def]
+    J, A, w, image_idx, pointer, first, last, param_idx, C, out
+):
     p = J.shape[2]
-    for j in numba.prange(len(pointer) - 1):
+    begin_row = pointer[first]
+    for j in numba.prange(first, last):
         begin, end = pointer[j], pointer[j + 1]
         H = np.zeros((3, 3))
         b = np.zeros(3)
@@ -79,7 +84,9 @@ def _point_covariance(J, A, w, image_idx, pointer, param_idx, C, out):  # type: 
             i = image_idx[o]
             for k in range(p):
                 for m in range(3):
-                    E[o - begin, k, m] = w[o] * (J[o, 0, k] * A[i, 0, m] + J[o, 1, k] * A[i, 1, m])
+                    E[o - begin, k, m] = w[o] * (
+                        J[o - begin_row, 0, k] * A[i, 0, m] + J[o - begin_row, 1, k] * A[i, 1, m]
+                    )
         # B = E^T C E, summed over all pairs of observations of the track
         B = np.zeros((3, 3))
         CE = np.zeros((p, 3))
@@ -107,9 +114,15 @@ def _point_covariance(J, A, w, image_idx, pointer, param_idx, C, out):  # type: 
         out[j] = inverse + inverse @ B @ inverse
 
 
-def information_weight(
-    state: Eliminated[OrthographicCameras], sigma_px: float, precision: Float
-) -> Float:
+def inverse_from_factor(lower: Float) -> Float:
+    """The inverse of a positive definite matrix from its Cholesky factor (lower triangle)."""
+    inverse, info = lapack.dpotri(lower, lower=1)
+    assert info == 0
+    below = np.tril(inverse, -1)
+    return np.asarray(below + below.T + np.diag(np.diag(inverse)))
+
+
+def information_weight(state: Eliminated[OrthographicCameras], precision: Float) -> Float:
     """What each observation's information counts, (O,) in 0..1: not the weight of the search.
 
     The weights of a robust loss scatter with the noise, and their mean is not the information that
@@ -136,9 +149,11 @@ def estimate_covariance(
     point is counted once an observation, which is exact.
     """
     pointer = track_pointer(observations.track_idx, observations.num_tracks)
-    informative = replace(state, weight=information_weight(state, sigma_px, observations.precision))
-    H, _ = linearise(model, informative, observations, pointer, sigma_px)
-    S = H.toarray() if sparse.issparse(H) else H
+    precision = precision_of(sigma_px, observations)
+    w = information_weight(state, precision)
+    H, _ = linearise(model, replace(state, weight=w), observations, pointer, sigma_px)
+    w = w * precision
+    S = H.toarray() if sparse.issparse(H) else np.asarray(H)
     N = gauge_directions(model, state.params)
     # the gauge directions get the stiffness of a typical parameter, for conditioning
     stiffness = float(np.median(np.diag(S)))
@@ -151,12 +166,15 @@ def estimate_covariance(
             message="some parameters are not determined by the data and priors; "
             "no error bars can be given",
         )
-    C = cho_solve(factor, np.eye(len(S))) - (N @ N.T) / stiffness
-    A, _ = model.cameras(state.params)
-    J = model.jacobian(state.params, state.X, observations.image_idx, observations.track_idx)
+    C = inverse_from_factor(factor[0]) - (N @ N.T) / stiffness
+    A = np.ascontiguousarray(model.cameras(state.params)[0])
     points = np.empty((observations.num_tracks, 3, 3))
-    w = state.weight * precision_of(sigma_px, observations)
-    _point_covariance(J, A, w, observations.image_idx, pointer, model.param_idx, C, points)
+    image_idx, track_idx = observations.image_idx, observations.track_idx
+    for first, last in track_batches(pointer):
+        rows = slice(int(pointer[first]), int(pointer[last]))
+        J = model.jacobian(state.params, state.X, image_idx[rows], track_idx[rows])
+        with threads_for(PARALLEL_COST * len(J)):
+            _point_covariance(J, A, w, image_idx, pointer, first, last, model.param_idx, C, points)
     variance = np.concatenate([np.maximum(np.diag(C), 0.0), [0.0]])
     sigma: Array = np.sqrt(variance[model.param_idx])
     return Solution(

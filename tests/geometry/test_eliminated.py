@@ -8,7 +8,14 @@ from scipy.linalg import LinAlgError
 from semsfm_colmap.geometry import reduced
 from semsfm_colmap.geometry.alignment import align_rotations
 from semsfm_colmap.geometry.eliminated import SolverOptions, minimise
-from semsfm_colmap.geometry.losses import LOSS_NUMBER, loss, loss_of, weight, weight_of
+from semsfm_colmap.geometry.losses import (
+    LOSS_NUMBER,
+    gaussian_constants,
+    loss,
+    loss_of,
+    weight,
+    weight_of,
+)
 from semsfm_colmap.geometry.points import fit_points, residuals, solve_points, track_pointer
 from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.refinement.bundle import BundleModel
@@ -123,17 +130,31 @@ def test_noise_given_for_each_observation_weighs_it():
     s = simulate_tracks(num_images=8, range_deg=60, num_tracks=300, noise_px=0.0, rng=rng)
     sigma = np.where(rng.random(len(s.observations)) < 0.5, 0.1, 2.0)
     noisy = s.observations.xy + sigma[:, None] * rng.normal(size=(len(sigma), 2))
-    obs = replace(s.observations, xy=noisy)
+    alike = replace(s.observations, xy=noisy)
     model = BundleModel.build(
         8, free_scale=False, free_affine=False, scale_sigma=1.0, affine_sigma=1.0
     )
 
-    def error(sigma_px):
-        end = minimise(model, s.cameras, obs, sigma_px=sigma_px)
+    def error(obs):
+        end = minimise(model, s.cameras, obs, sigma_px=1.0)
         R, R0 = np.asarray(end.params.cam_from_world), np.asarray(s.cameras.cam_from_world)
         return float(np.mean(rotation_angle(R @ align_rotations(R, R0) @ R0.mT)))
 
-    assert error(sigma) < 0.4 * error(float(np.mean(sigma)))
+    assert error(replace(alike, relative_sigma=sigma)) < 0.4 * error(alike)
+
+
+@pytest.mark.parametrize("name", ["huber", "cauchy"])
+def test_the_constants_of_a_loss_are_those_of_simulated_noise(name):
+    rng = np.random.default_rng(0)
+    r = rng.normal(size=(400_000, 2))
+    s = np.sum(r * r, axis=1)
+    w = weight(name, s, 2.0)
+    slope = (weight(name, s + 1e-5, 2.0) - w) / 1e-5
+    a, b = np.mean(w + slope * s), np.mean(w * w * s) / 2.0
+    constants = gaussian_constants(name, 2.0)
+    assert np.isclose(constants.gain, a / b, rtol=5e-3)
+    assert np.isclose(constants.efficiency, a * a / b, rtol=5e-3)
+    assert 0.85 < constants.efficiency < 1.0
 
 
 def test_a_singular_system_is_refused_in_either_form():
