@@ -12,6 +12,7 @@ from semsfm_colmap.ingest.checks import MIN_IMAGES
 from semsfm_colmap.ingest.overlap import Overlap, ReducedFeatures, find_overlap
 from semsfm_colmap.ingest.pixel_size import SAME_MAGNIFICATION
 from semsfm_colmap.ingest.wording import abbreviate
+from semsfm_colmap.types import Float
 
 GOOD_IMAGES = 5
 """Three views determine a shape but cannot be checked; from five on errors show."""
@@ -24,7 +25,9 @@ MIN_PARALLAX_PART = 1.2e-3
 MAGNIFICATION_STEP = 0.03
 SHEAR = 8e-3
 """Shear of a frame against both neighbours: drift of 8 px over 1000 rows."""
-SHEAR_SPREAD = 6.0
+MIN_OTHER_STEPS = 3
+SHEAR_SPREAD = 3.0
+"""Steps of shear below so many standard deviations of the others' are noise of the fit."""
 MOVED_PART = 0.3
 """Shift between frames, relative to the image side, above which the overlap gets small."""
 
@@ -63,24 +66,18 @@ def drifted(
 
     Drift within a frame shears it: x changes linearly with the row. The shear between consecutive
     frames is the difference of theirs, plus what the rotation of the specimen does, which changes
-    slowly. So the differences are summed up, and a frame that sticks out of its neighbours' median
-    has drifted.
+    slowly, and what parallax does to the fit, which is noise. A frame that has drifted therefore
+    has a step of shear before it and the opposite one after it, both beyond the noise of the
+    others.
     """
     notes: dict[str, str] = {}
     steps = np.array(
         [o.linear[0, 1] if o.overlapping and o.linear is not None else np.nan for o in overlaps]
     )
-    known = np.isfinite(steps)
-    if known.sum() >= 2:
-        steps = np.where(known, steps - np.median(steps[known]), 0.0)
-        shear = np.concatenate([[0.0], np.cumsum(steps)])
-        near = [shear[max(0, i - 2) : i + 3] for i in range(len(shear))]
-        own = shear - np.array([np.median(values) for values in near])
-        spread = 1.4826 * float(np.median(np.abs(own)))
-        sticking_out = np.abs(own) > max(SHEAR, SHEAR_SPREAD * spread)
-        for i in np.flatnonzero(sticking_out).tolist():
+    for i, shear in enumerate(_sticking_out(steps)):
+        if shear:
             notes[names[i]] = (
-                f"drifted while scanned: sheared by {100 * own[i]:+.1f} % against its neighbours"
+                f"drifted while scanned: sheared by {100 * shear:+.1f} % against its neighbours"
             )
     for i, overlap in enumerate(overlaps):
         if overlap.overlapping and overlap.shift_px is not None:
@@ -90,6 +87,34 @@ def drifted(
                     names[i + 1], f"moved by {shift:.0f} px against the previous frame"
                 )
     return notes
+
+
+def _sticking_out(steps: Float) -> list[float]:
+    """For each frame how far it is sheared against both neighbours; 0 where that is no drift.
+
+    `steps` (M - 1,) is the shear of each frame against the one before, nan where unknown. The first
+    and the last frame have one neighbour only: their step must stand out while the next one does
+    not.
+    """
+    count = len(steps)
+    out = [0.0] * (count + 1)
+    for i in range(count + 1):
+        beside = [j for j in (i - 1, i) if 0 <= j < count]
+        others = np.delete(steps, beside)
+        others = others[np.isfinite(others)]
+        if len(others) < MIN_OTHER_STEPS:
+            continue
+        level = float(np.median(others))
+        limit = max(SHEAR, SHEAR_SPREAD * 1.4826 * float(np.median(np.abs(others - level))))
+        before, after = (float(v) - level for v in (steps[max(i - 1, 0)], steps[min(i, count - 1)]))
+        if 0 < i < count:
+            if before * after < 0 and min(abs(before), abs(after)) > limit:
+                out[i] = (before - after) / 2
+            continue
+        step, next_step = (-after, steps[1] - level) if i == 0 else (before, steps[-2] - level)
+        if abs(step) > limit and abs(next_step) <= limit:
+            out[i] = step
+    return out
 
 
 def strangers(

@@ -17,7 +17,9 @@ from semsfm_colmap.ingest.inspect_output import (
     write_inspection_json,
 )
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.overlap import Overlap
 from semsfm_colmap.ingest.quality import judge, measure
+from semsfm_colmap.ingest.verdict import drifted
 
 from . import vendor_files as vendor
 from .conftest import DATA, save, texture, with_databar
@@ -102,6 +104,37 @@ def test_drift_within_a_frame_is_found(folder: Path) -> None:
     images[3] = cv2.warpAffine(images[3], shear, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REFLECT)
     write_series(folder, images)
     assert warned(inspect_images(folder, OPTIONS), "drifted") == ["3.png"]
+
+
+SHEARS = [0.1, -0.3, 0.2, 0.4, -0.2, 0.1, -0.4, 0.3, 0.2, -0.1]
+"""Percent against the frame before: noise of the fits."""
+
+
+@pytest.mark.parametrize("count", [6, 11])
+@pytest.mark.parametrize("frame", [0, 2, -1])
+def test_the_frame_that_is_sheared_against_both_neighbours_has_drifted(
+    count: int, frame: int
+) -> None:
+    shear = np.concatenate([[0.0], np.cumsum(SHEARS[: count - 1])]) + 3.0 * np.arange(count)
+    shear[frame] -= 2.5
+    names = [f"{i}" for i in range(count)]
+    found = drifted(names, [1000.0] * count, [overlap_of(s) for s in np.diff(shear)])
+    assert list(found) == [names[frame]]
+    assert "sheared by -2." in found[names[frame]]
+
+
+def test_noisy_steps_and_too_few_frames_are_no_drift() -> None:
+    noisy = np.random.default_rng(1).normal(0, 0.9, 47)
+    names = [f"{i}" for i in range(48)]
+    assert drifted(names, [1000.0] * 48, [overlap_of(s) for s in noisy]) == {}
+    assert drifted(names[:4], [1000.0] * 4, [overlap_of(s) for s in (0, 2, -2)]) == {}  # which one?
+
+
+def overlap_of(shear_percent: float) -> Overlap:
+    linear = np.array([[1.0, shear_percent / 100], [0.0, 1.0]])
+    return Overlap(
+        num_matches=50, num_agreeing=40, linear=linear, shift_px=np.zeros(2), parallax_px=1.0
+    )
 
 
 def test_a_change_of_magnification_is_found_in_the_images(folder: Path) -> None:
