@@ -11,7 +11,7 @@ from semsfm_colmap.factorization.polish import polish_affine
 from semsfm_colmap.factorization.upgrade import upgrade_to_euclidean
 from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
-from semsfm_colmap.geometry.tracks import keep_tracks
+from semsfm_colmap.geometry.tracks import keep_tracks, thin_evenly
 from semsfm_colmap.geometry.triangulation import triangulate_tracks
 from semsfm_colmap.types import (
     AffineModel,
@@ -21,6 +21,9 @@ from semsfm_colmap.types import (
     Solution,
 )
 
+POLISH_OBSERVATIONS = 400
+"""Observations an image that the polish is content with: it is a start for the bundle adjustment,
+which uses all."""
 AFFINE_THRESHOLD_PX = 8.0
 """Reprojection error up to which observations take part in the polish: the paper's first round."""
 
@@ -45,7 +48,8 @@ def factorize(
 
     Returns
     -------
-    Solution of (cameras of ``part.images`` in that order, points); diagnostics of each step
+    Solution of (cameras of ``part.images`` in that order, points of the tracks that the polish used);
+    diagnostics of each step
 
     """
     number = np.full(observations.num_images, -1, dtype=np.int64)
@@ -65,6 +69,9 @@ def factorize(
         A, t, local.image_idx, pointer, local.xy, threshold_px=AFFINE_THRESHOLD_PX, trials=15
     )
     local, kept = keep_tracks(local, inlier, min_length=3)
+    chosen = thin_evenly(local, POLISH_OBSERVATIONS)
+    local, sample = keep_tracks(local, chosen[local.track_idx])
+    kept = kept[sample]
     if len(local) < 12 * len(t) or len(np.unique(local.image_idx)) < len(t):
         return Solution(
             value=None,

@@ -13,7 +13,7 @@ import numpy as np
 
 from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
-from semsfm_colmap.geometry.tracks import keep_tracks
+from semsfm_colmap.geometry.tracks import keep_tracks, thin_evenly
 from semsfm_colmap.geometry.triangulation import triangulate_tracks, triangulation_angle
 from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
 from semsfm_colmap.refinement.known_angles import AnglePrior
@@ -33,6 +33,9 @@ CHI_SQUARE_TOLERANCE = 1e-3
 """A step that lowers chi square by less moves no parameter by more than 3 % of its sigma."""
 EARLY_ITERATIONS = 8
 """Steps of the bundle adjustment in all rounds but the last: enough to move before refiltering."""
+EARLY_OBSERVATIONS = 400
+"""Observations an image that the rounds before the last one are content with: a camera's six
+parameters are then known to a twentieth of the noise, and the last round uses all."""
 TAIL = 4.5
 """Gaussian noise in two coordinates exceeds this many sigma once in 25,000 times."""
 MIN_SIGMA_PX = 0.02
@@ -176,8 +179,14 @@ def _adjust(
     options: RefinementOptions,
     solver: SolverOptions,
     seed: int,
+    *,
+    final: bool,
 ) -> _Fit | None:
-    """One round: select, drop images that starve, adjust. None when nothing is left."""
+    """One round: select, drop images that starve, adjust. None when nothing is left.
+
+    All rounds but the final one adjust the cameras to a sample of the tracks; they only have to be
+    good enough to select observations with.
+    """
     num_images = observations.num_images
     while True:
         number = np.full(num_images, -1, dtype=np.int64)
@@ -204,9 +213,13 @@ def _adjust(
     # in units of each observation's relative sigma
     unit = np.sqrt(used.precision)[:, None]
     sigma = noise_sigma(r * unit, length, len(images))
+    sample = used
+    if not final:
+        chosen = thin_evenly(used, EARLY_OBSERVATIONS)
+        sample, _ = keep_tracks(used, chosen[used.track_idx])
     result = bundle_adjust(
         cameras,
-        used,
+        sample,
         camera_model=options.camera_model,
         scale_sigma=options.scale_sigma,
         affine_sigma=options.affine_sigma,
@@ -216,12 +229,17 @@ def _adjust(
     assert result.value is not None
     state = result.diagnostics["state"]
     cameras, X = result.value
+    r = state.residuals
+    if len(sample) < len(used):
+        P, t = cameras.projection, np.asarray(cameras.translation_px)
+        X = np.nan_to_num(solve_points(P, t, used.image_idx, pointer, used.xy, used.precision))
+        r = residuals(P, t, X, used.image_idx, used.track_idx, used.xy)
     # back to the numbering of the caller
-    row = np.full(num_images, -1, dtype=np.int64)
-    row[images] = np.arange(len(images))
     all_tracks = track_number[tracks]
     full = np.zeros(len(observations), dtype=bool)
-    positions = np.flatnonzero(usable & np.isin(observations.track_idx, track_number))
+    known = np.zeros(observations.num_tracks, dtype=bool)
+    known[track_number] = True
+    positions = np.flatnonzero(usable & known[observations.track_idx])
     full[positions[inlier]] = True
     return _Fit(
         images=images,
@@ -230,8 +248,8 @@ def _adjust(
         points=X,
         observations=used,
         inlier=full,
-        sigma_px=noise_sigma(state.residuals * unit, length, len(images)),
-        residuals=state.residuals,
+        sigma_px=noise_sigma(r * unit, length, len(images)),
+        residuals=r,
         state=state,
         model=result.diagnostics["model"],
     )
@@ -323,7 +341,7 @@ def refine(
             images, cameras = register_more(fit, observations, max(threshold, floor), options, rng)
         # the estimate of sigma wavers a little; a round is never more lenient than the one before
         allowed = min(max(threshold, floor), rounds[-1].threshold_px if rounds else np.inf)
-        fit = _adjust(cameras, images, observations, allowed, options, solver, seed)
+        fit = _adjust(cameras, images, observations, allowed, options, solver, seed, final=last)
         if fit is None:
             return Solution(
                 value=None,
