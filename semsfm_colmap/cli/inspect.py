@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import Annotated
 
 import tyro
@@ -32,14 +33,17 @@ def main(arguments: Sequence[str]) -> None:
     """Run the command."""
     from semsfm_colmap.ingest.inspect import inspect_images
     from semsfm_colmap.ingest.inspect_output import (
+        WIDTH,
         format_inspection,
         write_inspection_csv,
         write_inspection_json,
     )
+    from semsfm_colmap.pipeline.reporter import Reporter
 
     parsed = parse(Arguments, positional_first(arguments), "inspect", DESCRIPTION)
-    inspection = inspect_images(parsed.image_path, parsed.ingest)
-    print(format_inspection(inspection))
+    with Reporter().progress("reading images") as progress:
+        inspection = inspect_images(parsed.image_path, parsed.ingest, progress=progress)
+    print(format_inspection(inspection, get_terminal_size((WIDTH, 24)).columns), end="")
     if parsed.json is not None:
         write_inspection_json(inspection, parsed.json)
     if parsed.csv is not None:

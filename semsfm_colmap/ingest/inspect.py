@@ -26,7 +26,7 @@ from semsfm_colmap.ingest.overlap import (
 from semsfm_colmap.ingest.overrides import apply_scale_bar, apply_table
 from semsfm_colmap.ingest.quality import FrameQuality, judge, measure
 from semsfm_colmap.ingest.raster import read_header
-from semsfm_colmap.ingest.scan import SourceImage, choose_crops, scan_image
+from semsfm_colmap.ingest.scan import SourceImage, check_content, choose_crops, scan_image
 from semsfm_colmap.ingest.series_table import read_series_table
 from semsfm_colmap.ingest.verdict import Answer, answer_all, drifted, strangers
 
@@ -121,6 +121,8 @@ def _look_at(path: Path, name: str, options: IngestOptions) -> _Look:
     image, raw = scan_image(path, name, options)
     x0, y0, x1, y1 = options.crop or image.crop
     cropped = raw.pixels[y0:y1, x0:x1]
+    if cropped.size:
+        check_content(cropped)
     grey, _ = to_grey8(cropped if cropped.size else raw.pixels, options.range_percentiles)
     grey = np.asarray(grey)
     return _Look(image=image, quality=measure(grey), features=reduced_features(grey))
@@ -145,11 +147,12 @@ def _settle(looks: list[_Look], options: IngestOptions) -> tuple[list[_Look], li
 def _notes(looks: list[_Look], overlaps: list[Overlap]) -> dict[str, list[str]]:
     """Remarks per frame from comparing it with the others."""
     names = [look.image.name for look in looks]
-    notes = dict(
-        zip(names, [list(said) for said in judge([look.quality for look in looks])], strict=True)
-    )
-    for name, said in drifted(names, [_side(look.image) for look in looks], overlaps).items():
-        notes[name].append(said)
+    notes: dict[str, list[str]] = {name: [] for name in names}
+    if any(overlap.overlapping for overlap in overlaps):  # else they are no neighbours
+        for name, said in zip(names, judge([look.quality for look in looks]), strict=True):
+            notes[name] += said
+    for name, note in drifted(names, [_side(look.image) for look in looks], overlaps).items():
+        notes[name].append(note)
     for name in strangers(names, [look.features for look in looks], overlaps):
         notes[name].append("shares no features with its neighbours: another specimen or view?")
     for look in looks:

@@ -35,7 +35,13 @@ from semsfm_colmap.ingest.overrides import apply_scale_bar, apply_table
 from semsfm_colmap.ingest.pixel_size import series_pixel_size
 from semsfm_colmap.ingest.prepare_pixels import changes_pixels, prepare_pixels
 from semsfm_colmap.ingest.raster import RawImage, read_pixels
-from semsfm_colmap.ingest.scan import Progress, SourceImage, choose_crops, scan_images
+from semsfm_colmap.ingest.scan import (
+    Progress,
+    SourceImage,
+    check_content,
+    choose_crops,
+    scan_images,
+)
 from semsfm_colmap.ingest.series_file import (
     PreparationRecord,
     read_written_files,
@@ -151,8 +157,7 @@ def _prepare_image(
     suffix = PurePosixPath(name).suffix.lower()
     x0, y0, x1, y1 = image.crop
     cropped = raw.pixels[y0:y1, x0:x1]
-    if cropped.min() == cropped.max():
-        raise UnreadableImageError("every pixel of the cropped image has the same value.")
+    check_content(cropped)
     grey, grey_range = to_grey8(cropped, options.range_percentiles)
     if changes_pixels(options):
         grey = prepare_pixels(grey, options)

@@ -213,6 +213,12 @@ def check_crop(crop: tuple[int, int, int, int]) -> Crop:
     return crop
 
 
+def check_content(cropped: Array) -> None:
+    """Refuse the kept part of an image where it shows nothing."""
+    if cropped.min() == cropped.max():
+        raise UnreadableImageError("every pixel of the cropped image has the same value.")
+
+
 def _databar_row(raw: RawImage, reading: MetadataReading) -> tuple[int | None, str | None]:
     """The databar's first row from the pixels, checked against what the vendor says."""
     lossy = raw.header.format == "jpeg"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.ingest.inspect import Inspection, inspect_images
+from semsfm_colmap.ingest.inspect import Inspection, InspectionRow, inspect_images
 from semsfm_colmap.ingest.inspect_output import (
     format_inspection,
     write_inspection_csv,
@@ -244,13 +244,80 @@ def test_csv_holds_one_line_per_image(folder: Path, tmp_path: Path) -> None:
     assert (rows[0]["width"], rows[0]["tilt_deg"]) == ("200", "")
 
 
-def test_the_table_is_narrow_and_leaves_out_empty_columns(folder: Path) -> None:
+def test_the_table_leaves_out_empty_columns(folder: Path) -> None:
     write_series(folder, [texture(i) for i in range(3)])
     text = format_inspection(inspect_images(folder, OPTIONS))
-    assert max(len(line) for line in text.splitlines()) <= 100
-    assert "tilt  " not in text.splitlines()[0]
+    assert text.splitlines()[0].split() == ["file", "size", "bits", "!"]
     assert "all images: no microscope header" in text
     assert "enough images?" in text
+
+
+def row(name: str, **more: object) -> InspectionRow:
+    values: dict[str, object] = {
+        "width": 1024, "height": 943, "bits": 8, "pixel_size_um": 0.441942,
+        "pixel_size_source": "FEI 34682 [EScan] PixelWidth", "tilt_deg": 0.7,
+        "stage_rotation_deg": -135.28, "working_distance_um": 11051.0, "beam_energy_kev": 30.0,
+        "detector": "LFD", **more,
+    }  # fmt: skip
+    return InspectionRow(name=name, **values)  # type: ignore[arg-type]
+
+
+def lines_of(rows: list[InspectionRow], width: int) -> list[str]:
+    text = format_inspection(Inspection(rows=tuple(rows), answers=()), width)
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= width
+    return [line for line in lines if line]
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 120, 160])
+def test_what_is_too_wide_and_the_same_for_all_is_said_above_the_table(width: int) -> None:
+    rows = [row(f"tilt_series_{i:03}.tif", tilt_deg=5.0 * i) for i in range(4)]
+    lines = lines_of(rows, width)
+    if width >= 120:
+        assert lines[0].split()[:6] == ["file", "size", "bits", "um/px", "from", "tilt"]
+        assert "FEI 34682 [EScan] PixelWidth" in lines[2]
+    else:
+        assert lines[0].startswith("all images: size 1024 x 943, bits 8")
+        assert "FEI 34682 [EScan] PixelWidth" in " ".join(" ".join(lines).split())
+        assert [line.split() for line in lines[-2:]] == [
+            [f"tilt_series_00{i}.tif", str(5 * i)] for i in (2, 3)
+        ]
+
+
+def test_what_differs_and_does_not_fit_goes_into_a_second_table() -> None:
+    rows = [
+        row(
+            f"some_folder/a_rather_long_name_of_tilt_series_{i:03}.tif", width=1000 + i, bits=8 * i,
+            pixel_size_um=0.441942 + i, tilt_deg=5.123 * i, stage_rotation_deg=-135.28 * i,
+            pixel_size_source=f"FEI 34682 [EScan {i}] PixelWidth", working_distance_um=11051.0 * i,
+            beam_energy_kev=10.0 + i, detector=f"LFD{i}",
+        )
+        for i in (1, 2)
+    ]  # fmt: skip
+    one = lines_of(rows, 160)
+    assert len(one) == 4
+    two = lines_of(rows, 80)
+    assert len(two) == 8
+    assert two[4].split()[0] == "file"
+    assert all(line.startswith("…") for line in (*two[2:4], *two[6:8]))
+    assert two[0].split() + two[4].split()[1:] == one[0].split()
+
+
+def test_frames_that_are_no_neighbours_are_not_compared(folder: Path) -> None:
+    images = [texture(i) for i in range(5)]
+    images[2] = (images[2] // 4).astype(np.uint8)
+    write_series(folder, images)
+    assert warned(inspect_images(folder, OPTIONS), "brightness") == []
+
+
+def test_a_frame_with_nothing_above_its_databar_is_not_usable(folder: Path) -> None:
+    write_series(folder, [with_databar(texture(i)) for i in range(3)])
+    save(folder / "x.png", with_databar(np.zeros((160, 200), np.uint8)))
+    inspection = inspect_images(folder, OPTIONS)
+    assert inspection.rows[-1].warnings[0].startswith("every pixel of the cropped image")
+    assert (
+        "3 usable" in inspection.answers[0].reason or "3 determine" in inspection.answers[0].reason
+    )
 
 
 def test_progress_is_told(folder: Path) -> None:
