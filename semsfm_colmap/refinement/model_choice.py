@@ -10,14 +10,16 @@ more than their error bars, depth is uncertain by that much, and it is said.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.geometry.eliminated import SolverOptions
-from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
+from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions
+from semsfm_colmap.geometry.points import residuals
 from semsfm_colmap.geometry.rotations import rotation_angle
-from semsfm_colmap.geometry.tracks import keep_tracks
+from semsfm_colmap.geometry.tracks import keep_tracks, thin_evenly
 from semsfm_colmap.refinement.bundle import bundle_adjust
+from semsfm_colmap.refinement.scan_drift import adjust_with_drift
 from semsfm_colmap.types import Bool, Float, Observations, OrthographicCameras
 
 LADDER = (
@@ -27,10 +29,16 @@ LADDER = (
     ("affine", "affine", None),
 )
 """Name, camera model, standard deviation of the magnifications (None: the prior's)."""
+DRIFT_RUNG = "scan drift"
+"""Name of the rung with a linear displacement along the rows of each frame."""
+MAX_PAIRED = 60
+"""Images that are compared with one another for the total rotation; the ends are among them."""
 HELD_OUT_EVERY = 10
 """Every tenth observation of long tracks is held out."""
 MAX_TRACKS = 1500
-"""The comparison uses so many tracks at most, spread evenly: it is about cameras, not points."""
+"""The comparison uses about so many tracks, spread evenly: it is about cameras, not points."""
+MIN_IMAGE_OBSERVATIONS = 150
+"""Long series keep so many observations of each image, whatever number of tracks that takes."""
 DISAGREEMENT_SIGMAS = 3.0
 """Models disagree when they differ by more than this many joint standard deviations."""
 MIN_DISAGREEMENT = 0.01
@@ -60,22 +68,31 @@ class ModelComparison:
     depth_uncertainty: float
     """relative spread of the total rotation over the rungs that the data do not rule out"""
     message: str
+    drift_px: Float | None = None
+    """(M, 2) displacement of the last row against the first one, under the rung with drift"""
+
+
+def widest_pair(R: Float) -> tuple[int, int]:
+    """The two images furthest apart in rotation: (M, 3, 3) -> (a, b); of many, some are tried."""
+    thin = np.unique(np.linspace(0, len(R) - 1, min(len(R), MAX_PAIRED)).round().astype(np.int64))
+    relative = np.einsum("aij,bkj->abik", R[thin], R[thin])
+    a, b = np.unravel_index(np.argmax(rotation_angle(relative)), (len(thin), len(thin)))
+    return int(thin[min(a, b)]), int(thin[max(a, b)])
 
 
 def total_rotation(R: Float) -> float:
     """The largest rotation angle between two images, in rad, about any axis: (M, 3, 3) -> rad."""
-    step = max(len(R) // 60, 1)
-    thin = R[::step] if len(R) > 60 else R
-    relative = np.einsum("aij,bkj->abik", thin, thin)
-    return float(np.max(rotation_angle(relative)))
+    a, b = widest_pair(R)
+    return float(rotation_angle(R[b] @ R[a].T))
 
 
 def thin_tracks(observations: Observations, max_tracks: int) -> Observations:
-    """Every so-manieth track, so that at most `max_tracks` remain."""
+    """Some of the tracks, spread evenly: about `max_tracks`, more if images would lack them."""
     if observations.num_tracks <= max_tracks:
         return observations
-    chosen = np.zeros(observations.num_tracks, dtype=bool)
-    chosen[np.linspace(0, observations.num_tracks - 1, max_tracks).astype(int)] = True
+    mean_length = len(observations) / observations.num_tracks
+    per_image = int(np.ceil(max_tracks * mean_length / observations.num_images))
+    chosen = thin_evenly(observations, max(per_image, MIN_IMAGE_OBSERVATIONS))
     return keep_tracks(observations, chosen[observations.track_idx])[0]
 
 
@@ -99,6 +116,8 @@ def compare_models(
     affine_sigma: float,
     sigma_px: float,
     range_sigma_rad: float = 0.0,
+    height_px: Float | None = None,
+    drift_sigma_px: float = 0.5,
     solver: SolverOptions | None = None,
 ) -> ModelComparison:
     """Fit every rung of the ladder and compare.
@@ -108,11 +127,24 @@ def compare_models(
     cameras : a converged fit, about 1 px per unit
     observations : inliers, sorted by track
     range_sigma_rad : error bar of the total rotation under the chosen model
+    height_px : (M,) heights of the images; without them drift within the frames is not tried
+
     """
     obs = thin_tracks(observations, MAX_TRACKS)
     out = held_out_mask(obs)
-    kept = obs.select(~out)
-    pointer = track_pointer(kept.track_idx, kept.num_tracks)
+    kept, held = obs.select(~out), obs.select(out)
+
+    def rung(name: str, fitted: OrthographicCameras, end: Eliminated[Any], model: Any) -> Rung:
+        A, t = model.cameras(end.params)
+        r = residuals(A, t, end.X, held.image_idx, held.track_idx, held.xy)
+        return Rung(
+            name=name,
+            range_deg=float(np.rad2deg(total_rotation(np.asarray(fitted.cam_from_world)))),
+            bic=float(end.cost + model.num_params * np.log(2 * len(kept))),
+            held_out_px=float(np.sqrt(np.median(r**2))) if len(held) else float("nan"),
+            num_parameters=model.num_params,
+        )
+
     rungs = []
     for name, model, sigma in LADDER:
         start = cameras
@@ -122,28 +154,30 @@ def compare_models(
             start,
             kept,
             camera_model=model,
-            scale_sigma=scale_sigma if sigma is None else sigma or scale_sigma,
+            scale_sigma=scale_sigma if sigma is None else sigma,
             affine_sigma=affine_sigma,
             sigma_px=sigma_px,
             solver=solver,
         )
         assert fit.value is not None
-        fitted, _ = fit.value
-        A, t = fitted.projection, np.asarray(fitted.translation_px)
-        X = np.nan_to_num(solve_points(A, t, kept.image_idx, pointer, kept.xy, np.ones(len(kept))))
-        held = obs.select(out)
-        r = residuals(A, t, X, held.image_idx, held.track_idx, held.xy)
-        free = fit.diagnostics["model"].num_params
-        rungs.append(
-            Rung(
-                name=name,
-                range_deg=float(np.rad2deg(total_rotation(np.asarray(fitted.cam_from_world)))),
-                bic=float(fit.costs[-1] + free * np.log(2 * len(kept))),
-                held_out_px=float(np.sqrt(np.median(r**2))) if len(held) else float("nan"),
-                num_parameters=free,
-            )
+        rungs.append(rung(name, fit.value[0], fit.diagnostics["state"], fit.diagnostics["model"]))
+    drift = None
+    if height_px is not None:
+        drifting = adjust_with_drift(
+            cameras,
+            kept,
+            height_px,
+            drift_sigma_px=drift_sigma_px,
+            scale_sigma=scale_sigma,
+            sigma_px=sigma_px,
+            solver=solver,
         )
-    return judge(tuple(rungs), np.rad2deg(range_sigma_rad))
+        assert drifting.value is not None
+        fitted, drift = drifting.value
+        rungs.append(
+            rung(DRIFT_RUNG, fitted, drifting.diagnostics["state"], drifting.diagnostics["model"])
+        )
+    return replace(judge(tuple(rungs), np.rad2deg(range_sigma_rad)), drift_px=drift)
 
 
 def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:

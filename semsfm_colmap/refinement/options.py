@@ -31,6 +31,9 @@ class RefinementOptions:
     0.003."""
     affine_sigma: float = 0.003
     """Prior: standard deviation of aspect - 1 and skew, with the affine camera model."""
+    drift_sigma_px: float = 0.5
+    """Prior of the scan drift that the comparison of camera models allows for: standard deviation
+    of the displacement of the last row of a frame against its first, px."""
     loss: Literal["squared", "huber", "cauchy"] = "cauchy"
     """Loss of the bundle adjustment."""
     loss_width: float = 2.5
