@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ import numpy as np
 from semsfm_colmap.colmap.database import DatabaseImage
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.options import ExportOptions
+from semsfm_colmap.colmap.points_ply import FILE_NAME as POINTS_FILE_NAME
+from semsfm_colmap.colmap.points_ply import covariance_of, read_points_ply, write_points_ply
 from semsfm_colmap.colmap.sidecar import (
     FILE_NAME,
     cameras_from_sidecar,
@@ -119,8 +122,10 @@ def write_model(
     database_images: dict[str, DatabaseImage],
     keypoints: dict[str, Float],
     options: ExportOptions,
+    *,
+    reliability: Mapping[str, Any] | None = None,
 ) -> WrittenModel:
-    """Write the binary model and orthographic.json into `path`, aside first, then renamed.
+    """Write the binary model, orthographic.json and points.ply into `path`, aside, then renamed.
 
     The deviation from parallel projection is measured on what was written; a model that misses the
     bound is an error, not a file.
@@ -146,8 +151,9 @@ def write_model(
             f"the pinhole camera with f = {focal:.3g} px deviates by {deviation:.3g} px, more than "
             f"the bound of {options.max_deviation_px} px: raise --export.max_deviation_px"
         )
-    data = sidecar_dict(reconstruction, focal, deviation)
+    data = sidecar_dict(reconstruction, focal, deviation, reliability)
     (aside / FILE_NAME).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    write_points_ply(reconstruction, aside / POINTS_FILE_NAME)
     replace_folder(aside, path)
     return WrittenModel(
         path=path,
@@ -234,4 +240,18 @@ def read_model(path: Path) -> Reconstruction:
             sigma_translation_px=np.array([e["sigma_translation_px"] for e in entries]),
             sigma_scale=np.array([e.get("sigma_scale_relative", np.nan) for e in entries]),
         )
-    return reconstruction
+    covariance = stored_covariance(path / POINTS_FILE_NAME, reconstruction.points)
+    return replace(reconstruction, point_covariance=covariance)
+
+
+def stored_covariance(path: Path, points: Float) -> Float | None:
+    """The points' covariances of points.ply, if it is there and of these very points."""
+    if not path.is_file():
+        return None
+    rows = read_points_ply(path)
+    if len(rows) != len(points) or not np.array_equal(
+        np.stack([rows[k] for k in "xyz"], 1), points
+    ):
+        return None
+    covariance = covariance_of(rows)
+    return None if np.isnan(covariance).all() else covariance

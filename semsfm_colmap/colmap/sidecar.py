@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,19 @@ FILE_NAME = "orthographic.json"
 
 
 def sidecar_dict(
-    reconstruction: Reconstruction, focal_length_px: float, max_deviation_px: float
+    reconstruction: Reconstruction,
+    focal_length_px: float,
+    max_deviation_px: float,
+    reliability: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The content of the file, in its documented order."""
+    """The content of the file, in its documented order.
+
+    Parameters
+    ----------
+    reliability : how far to trust the model as a whole: total rotation with its error bar, what
+        leaving an image out does; absent from the file when nothing is known
+
+    """
     cameras = reconstruction.cameras
     sign = reconstruction.depth_sign
     images: dict[str, Any] = {}
@@ -43,7 +54,7 @@ def sidecar_dict(
             "unit": "um",
             "source": reconstruction.pixel_size_source,
         }
-    return {
+    data: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "world_unit": reconstruction.world_unit,
@@ -61,6 +72,9 @@ def sidecar_dict(
         "images": images,
         "gauge": reconstruction.gauge,
     }
+    if reliability:
+        data["reliability"] = dict(reliability)
+    return data
 
 
 def read_sidecar(path: Path) -> dict[str, Any]:

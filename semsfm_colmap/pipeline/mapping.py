@@ -34,10 +34,12 @@ from semsfm_colmap.refinement.depth_reversal import (
 from semsfm_colmap.refinement.known_angles import angle_prior
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import (
+    DRIFT_RUNG,
     MAX_TRACKS,
     compare_models,
     thin_tracks,
     total_rotation,
+    widest_pair,
 )
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, adjust_with_angles, refine
@@ -50,6 +52,16 @@ GAUGE = (
 )
 TIGHT = 0.1
 """Standard deviation of angles that are to hold, in formal errors of the images."""
+RELIABILITY = (
+    "total_rotation_deg",
+    "total_rotation_sigma_deg",
+    "depth_uncertainty",
+    "best_model",
+    "models",
+    "leave_one_out",
+    "scan_drift",
+)
+"""Diagnostics that say how far to trust a model."""
 SMALL_ROTATION_DEG = 15.0
 """Below this total rotation the angle is seen in second order only."""
 
@@ -63,6 +75,11 @@ class MappedPart:
     """the depth-reversed model, where the evidence does not decide"""
     rounds: tuple[dict[str, Any], ...]
     diagnostics: dict[str, Any]
+
+    @property
+    def reliability(self) -> dict[str, Any]:
+        """How far to trust the model as a whole, for orthographic.json and metrics.json."""
+        return {key: self.diagnostics[key] for key in RELIABILITY if key in self.diagnostics}
 
 
 def map_observations(
@@ -193,7 +210,12 @@ def finish(
     ).value
     cameras, points = refined.cameras, refined.points
     sizes = image_size_px[refined.images]
-    figures, notes = reliability(refined, covariance, options, tilt_known=tilt is not None)
+    figures, notes = reliability(
+        refined, covariance, options, sizes[:, 1].astype(float), tilt_known=tilt is not None
+    )
+    if "leave_one_out" in figures:
+        numbers = figures["leave_one_out"]["images"]
+        figures["leave_one_out"]["images"] = [image_names[refined.images[k]] for k in numbers]
     cues = visibility_cues(cameras, points, refined.observations, sizes)
     if tilt is not None and options.receding_edge != "unknown":
         known, sigma = known_tilts(tilt, [image_names[i] for i in refined.images])
@@ -331,6 +353,7 @@ def reliability(
     refined: Refined,
     covariance: Covariance | None,
     options: RefinementOptions,
+    height_px: Float,
     *,
     tilt_known: bool,
 ) -> tuple[dict[str, Any], list[str]]:
@@ -353,6 +376,8 @@ def reliability(
         affine_sigma=options.affine_sigma,
         sigma_px=refined.sigma_px,
         range_sigma_rad=np.deg2rad(sigma_deg),
+        height_px=height_px,
+        drift_sigma_px=options.drift_sigma_px,
         solver=solver,
     )
     jackknife = leave_one_out(
@@ -373,12 +398,21 @@ def reliability(
         )
     if comparison.depth_uncertainty > 0.01 and "disagree" in comparison.message:
         notes.append(comparison.message)
+    drift = 0.0 if comparison.drift_px is None else float(np.max(np.abs(comparison.drift_px)))
+    if comparison.best == DRIFT_RUNG:
+        notes.append(
+            "rows within the frames are displaced, the last against the first by up to "
+            f"{drift:.2f} px: stage creep or charging while a frame was scanned; a camera model "
+            "with that drift explains the images best, the cameras written do not have it; scan "
+            "faster, or wait longer after each tilt"
+        )
     figures: dict[str, Any] = {
         "total_rotation_deg": range_deg,
         "total_rotation_sigma_deg": sigma_deg,
         "models": [asdict(rung) for rung in comparison.rungs],
         "best_model": comparison.best,
         "depth_uncertainty": comparison.depth_uncertainty,
+        "scan_drift": {"largest_px": drift, "best": comparison.best == DRIFT_RUNG},
     }
     if jackknife is not None:
         figures["leave_one_out"] = {
@@ -396,13 +430,12 @@ def total_rotation_sigma(refined: Refined, covariance: Covariance) -> float:
     ``n . (w_a - w_b)``.
     """
     R = np.asarray(refined.cameras.cam_from_world)
-    angles = rotation_angle(R @ R[0].T)
-    b = int(np.argmax(angles))
-    n = vector_from_rotation(R[b] @ R[0].T)
+    a, b = widest_pair(R)
+    n = vector_from_rotation(R[b] @ R[a].T)
     n = np.asarray(n / max(float(np.linalg.norm(n)), 1e-300))
     g = np.zeros(len(covariance.cameras))
     g[refined.model.param_idx[b, :3]] += n
-    g[refined.model.param_idx[0, :3]] -= n
+    g[refined.model.param_idx[a, :3]] -= n
     variance = float(g @ covariance.cameras @ g)
     return float(np.sqrt(max(variance, 0.0)))
 

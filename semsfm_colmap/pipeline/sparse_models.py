@@ -119,6 +119,7 @@ def map_series(
         "models": models,
         "rounds": list(main.rounds),
         "diagnostics": main.diagnostics,
+        "reliability": main.reliability,
         "notes": notes,
     }
 
@@ -148,6 +149,7 @@ def write_parts(
                 database_images,
                 keypoints,
                 config.export,
+                reliability=part.reliability,
             )
             models.append(
                 {

@@ -169,6 +169,7 @@ def compute_metrics(inputs: ReportInputs) -> dict[str, Any]:
         "structure": _structure(rec),
         "residuals": residual_statistics(rec, residual, nm),
         "rotation": motion,
+        "reliability": dict(inputs.reliability),
         "depth_sign": {
             "status": sign.status,
             "confidence": sign.confidence,

@@ -17,6 +17,7 @@ from semsfm_colmap.colmap.database import (
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model import model_deviation, read_model, write_model
 from semsfm_colmap.colmap.options import ExportOptions
+from semsfm_colmap.colmap.points_ply import read_points_ply
 from semsfm_colmap.colmap.telecentric import required_focal_length
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.synthetic.tracks import simulate_tracks
@@ -182,3 +183,50 @@ def test_writing_a_png_after_importing_the_colmap_package_does_not_abort(tmp_pat
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True)
     assert done.returncode == 0, done.stderr.decode()
     assert (tmp_path / "b.png").stat().st_size > 10_000
+
+
+def test_error_bars_of_the_points_stand_in_the_ply_and_come_back(reconstruction, tmp_path):
+    rng = np.random.default_rng(1)
+    root = 0.01 * rng.normal(size=(len(reconstruction.points), 3, 3))
+    covariance = root @ root.transpose(0, 2, 1)
+    covariance[5] = np.nan
+    write(replace(reconstruction, point_covariance=covariance), tmp_path / "0")
+    rows = read_points_ply(tmp_path / "0" / "points.ply")
+    assert np.array_equal(rows["x"], reconstruction.points[:, 0])
+    assert np.allclose(rows["sigma_z"], np.sqrt(covariance[:, 2, 2]), equal_nan=True)
+    assert np.array_equal(rows["num_observations"], reconstruction.track_length())
+    back = read_model(tmp_path / "0")
+    assert np.allclose(back.point_covariance, covariance, rtol=1e-5, atol=1e-12, equal_nan=True)
+    # a model whose points another program moved keeps none of ours
+    model = pycolmap.Reconstruction(str(tmp_path / "0"))
+    first = min(model.points3D)
+    model.points3D[first].xyz = model.points3D[first].xyz + 1.0
+    model.write_binary(str(tmp_path / "0"))
+    assert read_model(tmp_path / "0").point_covariance is None
+
+
+def test_other_programs_read_the_points_ply(reconstruction, tmp_path):
+    open3d = pytest.importorskip("open3d")
+    write(reconstruction, tmp_path / "0")
+    cloud = open3d.io.read_point_cloud(str(tmp_path / "0" / "points.ply"))
+    assert np.allclose(np.asarray(cloud.points), reconstruction.points)
+    assert np.allclose(np.asarray(cloud.colors) * 255, 77)
+
+
+def test_how_far_to_trust_the_model_is_added_to_the_sidecar(reconstruction, tmp_path):
+    write(reconstruction, tmp_path / "0")
+    plain = json.loads((tmp_path / "0" / "orthographic.json").read_text())
+    assert "reliability" not in plain
+    images = {
+        n: DatabaseImage(image_id=10 + k, name=n, camera_id=1)
+        for k, n in enumerate(reconstruction.image_names)
+    }
+    obs = reconstruction.observations
+    keypoints = {n: obs.xy[obs.image_idx == k] for k, n in enumerate(reconstruction.image_names)}
+    said = {"total_rotation_deg": 60.0, "total_rotation_sigma_deg": 0.1}
+    write_model(
+        reconstruction, tmp_path / "1", images, keypoints, ExportOptions(), reliability=said
+    )
+    data = json.loads((tmp_path / "1" / "orthographic.json").read_text())
+    assert data.pop("reliability") == said
+    assert data == plain
