@@ -15,6 +15,7 @@ COMMANDS = {
     "mesh": "surface mesh and texture",
     "report": "metrics and HTML report of a project",
     "inspect": "what the image files say: sizes, pixel size, tilt, problems",
+    "export": "the model as other programs read it: COLMAP, OpenMVS, nerfstudio, PLY, ...",
     "evaluate": "compare a project with known truth",
     "compare-features": "region detectors and descriptors side by side on a series",
     "synthesize": "render an SEM-like series with exact truth",

@@ -1,0 +1,73 @@
+"""`semsfm export`: a project's model in the format of another program."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from semsfm_colmap.cli.common import Quiet, parse, positional_first, verbosity
+from semsfm_colmap.colmap.exports.options import FormatOptions
+
+DESCRIPTION = "Write the model of a project as another program reads it (docs/exports.md)."
+
+FormatName = Literal[
+    "colmap-bin",
+    "colmap-text",
+    "colmap-float32",
+    "colmap-dense",
+    "openmvs",
+    "bundler",
+    "nvm",
+    "ply",
+    "nerfstudio",
+    "nfh-sem",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """Arguments of the command."""
+
+    project_path: tyro.conf.Positional[Path]
+    """The project folder."""
+    to: FormatName
+    """The format."""
+    output_path: Path | None = None
+    """Folder to write; default: PROJECT/export/FORMAT."""
+    model: int = 0
+    """Number of the model below sparse/."""
+    quiet: Quiet = False
+    """Say nothing but warnings."""
+    options: Annotated[FormatOptions, tyro.conf.arg(name="")] = field(default_factory=FormatOptions)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run the command."""
+    from semsfm_colmap.pipeline.export import export_project
+
+    parsed = parse(Arguments, positional_first(arguments), "export", DESCRIPTION)
+    target = parsed.output_path or parsed.project_path / "export" / parsed.to
+    summary = export_project(
+        parsed.project_path, parsed.to, target, model=parsed.model, options=parsed.options
+    )
+    reporter = verbosity(False, parsed.quiet)
+    reporter.say(sentence(target, summary))
+    for note in summary.get("notes", []):
+        reporter.warn(note)
+
+
+def sentence(target: Path, summary: dict[str, float]) -> str:
+    """What was written, in a line."""
+    text = f"{target}: {summary['num_images']} images, {summary['num_points']} points"
+    if "num_depth_maps" in summary:
+        text += f", {summary['num_depth_maps']} depth maps"
+    if "focal_length_px" in summary:
+        text += (
+            f"; f = {summary['focal_length_px']:.3g} px, {summary['focal_factor']:.0f} image sides"
+            f"; {summary['max_deviation_px']:.3g} px from parallel projection at most"
+        )
+    return text

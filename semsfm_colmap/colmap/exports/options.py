@@ -1,0 +1,34 @@
+"""Options of the exports to other programs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormatOptions:
+    """The pinhole camera that stands in for parallel projection, and what goes beside it.
+
+    The focal length is measured in the longer side of the image: f = k max(W, H).
+    """
+
+    max_deviation_px: float = 0.04
+    """Largest distance between pinhole and parallel projection, formats in double precision."""
+    max_float32_deviation_px: float = 0.25
+    """The same for programs that compute in float32: k is chosen for it between the next two."""
+    min_float32_focal_factor: float = 300.0
+    """Smallest k of the float32 formats."""
+    max_float32_focal_factor: float = 1000.0
+    """Largest k of the float32 formats: their depths are good to about k max(W, H) / 1e7 px."""
+    focal_factor: float = 0.0
+    """This k in place of the chosen one; 0 chooses."""
+    plain_names: bool = False
+    """Copy the images as image_0001.png, ...; names.csv holds the names they had."""
+    fusion_consistency_px: float = 3.0
+    """Depths that COLMAP's stereo fusion takes for the same surface (colmap-dense)."""
+    min_fusion_pixels: int = 3
+    """Depth pixels that stereo fusion joins at least to a point (colmap-dense)."""
+    num_source_images: int = 10
+    """Source images of each reference in patch-match.cfg (colmap-dense)."""
+    max_source_angle_deg: float = 30.0
+    """Source images seen at a larger angle are left out, unless none is nearer (colmap-dense)."""
