@@ -16,6 +16,7 @@ COMMANDS = {
     "report": "metrics and HTML report of a project",
     "inspect": "what the image files say: sizes, pixel size, tilt, problems",
     "export": "the model as other programs read it: COLMAP, OpenMVS, nerfstudio, PLY, ...",
+    "adopt": "take over a model that COLMAP's triangulator or bundle adjuster has changed",
     "evaluate": "compare a project with known truth",
     "compare-features": "region detectors and descriptors side by side on a series",
     "synthesize": "render an SEM-like series with exact truth",

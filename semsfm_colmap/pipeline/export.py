@@ -116,8 +116,12 @@ def oriented_points(reconstruction: Reconstruction) -> PointCloud:
     """The points with normals toward the viewers and standard deviations."""
     from semsfm_colmap.surface.cloud import sparse_cloud
 
-    with_sigma = replace(reconstruction, point_covariance=point_covariance(reconstruction))
-    return sparse_cloud(with_sigma, SurfaceOptions())
+    covariance = point_covariance(reconstruction)
+    stored = reconstruction.point_covariance
+    if stored is not None:
+        known = np.isfinite(stored).all(axis=(1, 2), keepdims=True)
+        covariance = np.where(known, stored, covariance)
+    return sparse_cloud(replace(reconstruction, point_covariance=covariance), SurfaceOptions())
 
 
 def point_covariance(reconstruction: Reconstruction) -> Float:
