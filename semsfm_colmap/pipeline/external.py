@@ -77,6 +77,8 @@ def map_database(
             for g in verify_database(reader, ids, keypoints, config, reporter)
             if g.F is not None
         }
+    # the model keeps every keypoint's number; those without a place have no matches by now
+    keypoints = [np.nan_to_num(xy, posinf=0.0, neginf=0.0) for xy in keypoints]
     with locked_folder(output_path):
         observations, counts = join_matches(keypoints, matches, config)
         return map_series(

@@ -160,8 +160,10 @@ def copy_features(
         for k, (image, size, shift) in enumerate(zip(images, sizes, shifts, strict=True), start=1):
             keypoints = np.array(reader.keypoints(image.image_id))
             keypoints[:, :2] -= np.asarray(shift, dtype=np.float32)
-            write_features(target, k, keypoints, reader.descriptors(image.image_id))
             usable_xy.append(inside_only(keypoints, size))
+            # a keypoint without a place keeps its number; it has no matches from here on
+            finite = np.nan_to_num(keypoints, posinf=0.0, neginf=0.0)
+            write_features(target, k, finite, reader.descriptors(image.image_id))
             progress(k, len(images))
     counts = [len(xy) for xy in usable_xy]
     reporter.say(f"features: {sum(counts)} keypoints of {reader.path}")
