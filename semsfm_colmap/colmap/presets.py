@@ -1,7 +1,7 @@
 """Settings that COLMAP needs with cameras this far away, as project.ini and pycolmap's options.
 
 - ``max_focal_length_ratio`` (10 by default) throws every point of a long-focal camera away;
-  pycolmap has it in three places, a project.ini in one.
+  pycolmap has it in three places, COLMAP's command line in one.
 - The focal length is fixed: against the distance it is not observable.
 - ``max_depth_error`` of the fusion is relative to the depth: at a distance of f px, 1 % is
   thousands of px and fuses front and back. It becomes the wanted tolerance in px over f.
@@ -32,20 +32,30 @@ class DensePreset:
     min_num_pixels: int
 
 
-def project_ini(dense: DensePreset | None = None) -> str:
-    """A project.ini for ``colmap COMMAND --project_path``; keys that COLMAP 3.8 and 4 both know."""
-    ratio = f"{MAX_FOCAL_LENGTH_RATIO:.0f}"
+COMMAND_SECTIONS = {
+    "mapper": "Mapper",
+    "point_triangulator": "Mapper",
+    "bundle_adjuster": "BundleAdjustment",
+    "patch_match_stereo": "PatchMatchStereo",
+    "stereo_fusion": "StereoFusion",
+    "poisson_mesher": "PoissonMeshing",
+}
+"""The section of each of COLMAP's commands that reads one of ours."""
+
+
+def settings(dense: DensePreset | None = None) -> dict[str, dict[str, str]]:
+    """Section -> key -> value; keys that COLMAP 3.8 and 4 both know."""
     sections: dict[str, dict[str, str]] = {
         "BundleAdjustment": {
-            "refine_focal_length": "false",
-            "refine_principal_point": "false",
-            "refine_extra_params": "false",
+            "refine_focal_length": "0",
+            "refine_principal_point": "0",
+            "refine_extra_params": "0",
         },
         "Mapper": {
-            "max_focal_length_ratio": ratio,
-            "ba_refine_focal_length": "false",
-            "ba_refine_principal_point": "false",
-            "ba_refine_extra_params": "false",
+            "max_focal_length_ratio": f"{MAX_FOCAL_LENGTH_RATIO:.0f}",
+            "ba_refine_focal_length": "0",
+            "ba_refine_principal_point": "0",
+            "ba_refine_extra_params": "0",
         },
         "PoissonMeshing": {"trim": f"{POISSON_TRIM:g}"},
     }
@@ -58,10 +68,36 @@ def project_ini(dense: DensePreset | None = None) -> str:
             "max_depth_error": f"{dense.max_depth_error:.6g}",
             "min_num_pixels": str(dense.min_num_pixels),
         }
+    return sections
+
+
+def project_ini(dense: DensePreset | None = None) -> str:
+    """A project.ini for COLMAP's GUI (File > Open project).
+
+    A single command refuses an ini with another command's sections and does not combine one with
+    flags: `command_flags` is for those.
+    """
     lines: list[str] = []
-    for section, values in sections.items():
+    for section, values in settings(dense).items():
         lines.append(f"[{section}]")
         lines += [f"{key}={value}" for key, value in values.items()]
+    return "\n".join(lines) + "\n"
+
+
+def command_flags(command: str, dense: DensePreset | None = None) -> list[str]:
+    """The same settings as flags of one of COLMAP's commands."""
+    section = COMMAND_SECTIONS[command]
+    values = settings(dense).get(section, {})
+    return [part for key, value in values.items() for part in (f"--{section}.{key}", value)]
+
+
+def command_lines(dense: DensePreset | None = None) -> str:
+    """A text with the flags of every command, for people."""
+    lines = ["# COLMAP's commands need these flags with cameras this far away."]
+    for command in COMMAND_SECTIONS:
+        flags = command_flags(command, dense)
+        if flags:
+            lines.append(f"colmap {command} {' '.join(flags)}")
     return "\n".join(lines) + "\n"
 
 

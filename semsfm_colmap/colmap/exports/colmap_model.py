@@ -8,7 +8,7 @@ from semsfm_colmap.colmap.exports.model_files import build_pinhole_model, camera
 from semsfm_colmap.colmap.exports.options import FormatOptions
 from semsfm_colmap.colmap.exports.pinhole import PinholeViews, choose_focal_length, pinhole_views
 from semsfm_colmap.colmap.exports.scene import ExportScene, Summary
-from semsfm_colmap.colmap.presets import project_ini
+from semsfm_colmap.colmap.presets import command_lines, project_ini
 
 
 def pinhole_summary(scene: ExportScene, views: PinholeViews) -> Summary:
@@ -31,6 +31,7 @@ def _write(scene: ExportScene, folder: Path, options: FormatOptions, *, text: bo
     else:
         model.write_binary(str(folder))
     (folder / "project.ini").write_text(project_ini(), encoding="utf-8")
+    (folder / "commands.txt").write_text(command_lines(), encoding="utf-8")
     error = float(model.compute_mean_reprojection_error())
     return {**pinhole_summary(scene, views), "mean_reprojection_error_px": error}
 

@@ -1,9 +1,9 @@
 """COLMAP's dense workspace with our depth and normal maps in it.
 
 ``images/``, ``sparse/`` (PINHOLE), ``stereo/patch-match.cfg``, ``stereo/fusion.cfg``,
-``stereo/depth_maps`` and ``normal_maps`` with ``<name>.geometric.bin``, and a ``project.ini``:
-``stereo_fusion``, ``poisson_mesher``, ``delaunay_mesher`` and the GUI go on from here, and
-``patch_match_stereo`` can start anew.
+``stereo/depth_maps`` and ``normal_maps`` with ``<name>.geometric.bin``, ``project.ini``,
+``commands.txt``: ``stereo_fusion``, ``poisson_mesher``, ``delaunay_mesher`` and the GUI go on
+from here, and ``patch_match_stereo`` can start anew.
 
 All cameras stand at the same distance, each image's magnification being in its focal length, so
 one depth range fits all of them. Fusion computes in float32: at a distance of D px its points are
@@ -22,7 +22,7 @@ from semsfm_colmap.colmap.exports.model_files import build_pinhole_model
 from semsfm_colmap.colmap.exports.options import FormatOptions
 from semsfm_colmap.colmap.exports.pinhole import PinholeViews, choose_focal_length, pinhole_views
 from semsfm_colmap.colmap.exports.scene import DenseView, ExportScene, Summary
-from semsfm_colmap.colmap.presets import DensePreset, project_ini
+from semsfm_colmap.colmap.presets import DensePreset, command_lines, project_ini
 from semsfm_colmap.types import Int, OrthographicCameras
 
 DEPTH_MARGIN = 0.25
@@ -55,6 +55,7 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
         min_num_pixels=options.min_fusion_pixels,
     )
     (folder / "project.ini").write_text(project_ini(preset), encoding="utf-8")
+    (folder / "commands.txt").write_text(command_lines(preset), encoding="utf-8")
     summary = pinhole_summary(scene, views)
     summary |= {
         "mean_reprojection_error_px": float(model.compute_mean_reprojection_error()),
