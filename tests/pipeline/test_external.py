@@ -9,12 +9,14 @@ import pytest
 
 from semsfm_colmap.cli.main import main
 from semsfm_colmap.colmap.database import read_inlier_matches
+from semsfm_colmap.colmap.database_reader import read_database
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model import read_model
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, UsageError
-from semsfm_colmap.pipeline.external import map_database
+from semsfm_colmap.pipeline.external import in_acquisition_order, map_database, verify_database
 from semsfm_colmap.pipeline.project import LOCK_FILE, locked_folder
+from semsfm_colmap.pipeline.reporter import Reporter
 from tests.alignment import best_hand_errors_deg
 from tests.colmap.databases import simulated_content, write_4x, write_38
 
@@ -260,13 +262,19 @@ def test_colmap_3_8_goes_on_with_its_database_and_our_model(tmp_path):
     assert theirs.compute_mean_reprojection_error() < 0.4
 
 
-def test_a_projects_own_database_gives_the_projects_own_model(small_project, tmp_path):
+def test_a_projects_own_database_is_verified_as_the_project_did(small_project):
     database = small_project / "database.db"
-    before = database.read_bytes()
-    map_database(database, tmp_path / "out", Config(), image_path=small_project / "images")
-    assert database.read_bytes() == before
-    ours, theirs = (read_model(p / "0") for p in (small_project / "sparse", tmp_path / "out"))
-    assert ours.image_names == theirs.image_names
-    if read_inlier_matches(database):
-        assert np.array_equal(ours.cameras.cam_from_world, theirs.cameras.cam_from_world)
-        assert np.array_equal(ours.point_color, theirs.point_color)
+    stored = read_inlier_matches(database)
+    with read_database(database) as reader:
+        images = in_acquisition_order(reader.images())
+        ids = [image.image_id for image in images]
+        assert ids == sorted(ids)
+        keypoints = [reader.xy(image_id) for image_id in ids]
+        found = {
+            (ids[g.image_pair[0]], ids[g.image_pair[1]]): g.keypoints[g.inlier]
+            for g in verify_database(reader, ids, keypoints, Config(), Reporter(-1))
+            if g.F is not None
+        }
+    assert found.keys() == stored.keys()
+    assert len(found) > 6
+    assert all(np.array_equal(found[pair], stored[pair]) for pair in found)
