@@ -86,6 +86,15 @@ def check_enough(usable: int, found: int, image_path: Path, problems: Sequence[s
     )
 
 
+def frame_warnings(frames: Sequence[SemFrame]) -> list[str]:
+    """What is odd about single images; what many share is said once."""
+    names: dict[str, list[str]] = {}
+    for frame in frames:
+        for warning in frame.warnings:
+            names.setdefault(warning, []).append(frame.name)
+    return [f"{abbreviate(who)}: {warning}." for warning, who in names.items()]
+
+
 def series_warnings(frames: Sequence[SemFrame]) -> list[str]:
     """What only the whole series shows: settings that changed, names that tools stumble over."""
     warnings = []

@@ -26,7 +26,13 @@ from semsfm_colmap.ingest.overlap import (
 from semsfm_colmap.ingest.overrides import apply_scale_bar, apply_table
 from semsfm_colmap.ingest.quality import FrameQuality, judge, measure
 from semsfm_colmap.ingest.raster import read_header
-from semsfm_colmap.ingest.scan import SourceImage, check_content, choose_crops, scan_image
+from semsfm_colmap.ingest.scan import (
+    SourceImage,
+    check_content,
+    check_copy,
+    choose_crops,
+    scan_image,
+)
 from semsfm_colmap.ingest.series_table import read_series_table
 from semsfm_colmap.ingest.verdict import Answer, answer_all, drifted, strangers
 
@@ -87,16 +93,22 @@ def inspect_images(
         raise InputError(no_images_message(image_path, found.warnings))
     rows: dict[str, InspectionRow] = {}
     looks: list[_Look] = []
+    seen: dict[bytes, str] = {}
     for count, name in enumerate(found.names):
         try:
-            looks.append(_look_at(image_path / name, name, options))
+            looks.append(_look_at(image_path / name, name, options, seen))
         except UnreadableImageError as error:
             rows[name] = _unusable_row(image_path / name, name, str(error), options)
         if progress:
             progress(count + 1, len(found.names))
     remarks = list(found.warnings)
-    looks, problems = _settle(looks, options)
-    remarks += problems
+    kept, problems = _settle(looks, options)
+    for name in {look.image.name for look in looks} - {look.image.name for look in kept}:
+        why = next(problem for problem in problems if problem.startswith(f"{name}: "))
+        problems.remove(why)
+        reason = why.removeprefix(f"{name}: ").removesuffix(" Left out.")
+        rows[name] = _unusable_row(image_path / name, name, reason, options)
+    looks, remarks = kept, remarks + problems
     overlaps = chain([look.features for look in looks])
     notes = _notes(looks, overlaps)
     for look in looks:
@@ -117,8 +129,9 @@ def inspect_images(
     )
 
 
-def _look_at(path: Path, name: str, options: IngestOptions) -> _Look:
+def _look_at(path: Path, name: str, options: IngestOptions, seen: dict[bytes, str]) -> _Look:
     image, raw = scan_image(path, name, options)
+    check_copy(raw, name, seen)
     x0, y0, x1, y1 = options.crop or image.crop
     cropped = raw.pixels[y0:y1, x0:x1]
     if cropped.size:
@@ -148,13 +161,15 @@ def _notes(looks: list[_Look], overlaps: list[Overlap]) -> dict[str, list[str]]:
     """Remarks per frame from comparing it with the others."""
     names = [look.image.name for look in looks]
     notes: dict[str, list[str]] = {name: [] for name in names}
+    foreign = strangers(names, [look.features for look in looks], overlaps)
+    for name in foreign:
+        notes[name].append("shares no features with its neighbours: another specimen or view?")
     if any(overlap.overlapping for overlap in overlaps):  # else they are no neighbours
-        for name, said in zip(names, judge([look.quality for look in looks]), strict=True):
-            notes[name] += said
+        familiar = [look for look in looks if look.image.name not in foreign]
+        for look, said in zip(familiar, judge([x.quality for x in familiar]), strict=True):
+            notes[look.image.name] += said
     for name, note in drifted(names, [_side(look.image) for look in looks], overlaps).items():
         notes[name].append(note)
-    for name in strangers(names, [look.features for look in looks], overlaps):
-        notes[name].append("shares no features with its neighbours: another specimen or view?")
     for look in looks:
         if not look.image.reading.vendor and look.image.reading.metadata.pixel_size_um is None:
             notes[look.image.name].append("no microscope header")

@@ -16,6 +16,7 @@ from semsfm_colmap.ingest.checks import (
     check_enough,
     check_options,
     check_paths,
+    frame_warnings,
     no_images_message,
     series_warnings,
 )
@@ -99,7 +100,13 @@ def prepare_series(
         frames=tuple(frames),
         pixel_size_um=pixel_size.um,
         pixel_size_source=pixel_size.source,
-        warnings=(*warnings, *masks.warnings, *pixel_size.warnings, *series_warnings(frames)),
+        warnings=(
+            *warnings,
+            *frame_warnings(frames),
+            *masks.warnings,
+            *pixel_size.warnings,
+            *series_warnings(frames),
+        ),
     )
     write_series(series, project_path / SERIES_FILE, record=record)
     remove_stale(project_path / "images", written.images, set(series.names))

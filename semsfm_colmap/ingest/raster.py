@@ -160,7 +160,9 @@ def _pillow_header(path: Path, kind: str) -> ImageHeader:
         if kind == "png":
             with path.open("rb") as file:
                 bits = file.read(25)[24]
-        orientation = int(image.getexif().get(274, 1)) if kind == "jpeg" else 1
+        # Of a PNG without it before the pixels, Pillow would decode these to look behind them.
+        has_exif = kind == "jpeg" or "exif" in image.info
+        orientation = int(image.getexif().get(274, 1)) if has_exif else 1
         return ImageHeader(
             format=kind,
             width=width,

@@ -81,9 +81,7 @@ def scan_images(
         path = root / name
         try:
             image, raw = scan_image(path, name, options)
-            first = seen.setdefault(_digest(raw), name)
-            if first != name:
-                raise UnreadableImageError(f"the pixels are those of {first}.")
+            check_copy(raw, name, seen)
             images.append(image)
             if image.size in constant or len(constant) < MAX_SIZES:
                 constant[image.size].add(
@@ -153,6 +151,13 @@ def _without_databar(image: SourceImage, raw: RawImage) -> Array:
         levels = levels.copy()
         levels[image.databar_row :] = 0
     return levels
+
+
+def check_copy(raw: RawImage, name: str, seen: dict[bytes, str]) -> None:
+    """Refuse an image with the pixels of one in `seen`, to which it is added."""
+    first = seen.setdefault(_digest(raw), name)
+    if first != name:
+        raise UnreadableImageError(f"the pixels are those of {first}.")
 
 
 def _digest(raw: RawImage) -> bytes:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -82,15 +83,18 @@ def read_series_table(path: Path) -> SeriesTable:
         raise UsageError(f"{path} is not UTF-8 text; save the table as CSV in UTF-8.") from error
     if "\x00" in text:
         raise UsageError(f"{path} is not a text file; save the table as CSV in UTF-8.")
-    lines = [line for line in io.StringIO(text) if line.strip() and not line.startswith("#")]
-    if not lines:
-        raise UsageError(f"{path} is empty; it needs a first line that names its columns.")
-    delimiter = max(";\t,", key=lines[0].count)
+    # Comments and empty lines are blanked, not dropped, so that the reader counts them.
+    lines = ["\n" if line.startswith("#") else line for line in io.StringIO(text)]
+    first = next((line for line in lines if line.strip()), None)
+    delimiter = max(";\t,", key=(first or "").count)
     try:
-        cells = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
+        reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+        numbered = [(reader.line_num, line) for line in reader if any(c.strip() for c in line)]
     except csv.Error as error:
         raise UsageError(f"{path} is not a CSV table ({error}).") from error
-    header = [name.strip().lower() for name in cells[0]]
+    if not numbered:
+        raise UsageError(f"{path} is empty; it needs a first line that names its columns.")
+    header = [name.strip().lower() for name in numbered[0][1]]
     if "image" not in header:
         raise UsageError(
             f"{path} has the columns {abbreviate(header, 6)} but needs one named image, and any of "
@@ -105,11 +109,11 @@ def read_series_table(path: Path) -> SeriesTable:
         )
     rows = [
         _row(path, number, dict(zip(header, line, strict=False)), decimal_comma=delimiter == ";")
-        for number, line in enumerate(cells[1:], start=2)
+        for number, line in numbered[1:]
     ]
-    names = [row.image for row in rows]
-    twice = next((name for name in names if names.count(name) > 1), None) if rows else None
-    if twice is not None:
+    names = Counter(row.image for row in rows)
+    twice, count = names.most_common(1)[0] if rows else ("", 1)
+    if count > 1:
         raise UsageError(f"{path} has two lines for {one_line(twice)}; keep one.")
     return SeriesTable(path=path, rows=tuple(rows), warnings=tuple(warnings))
 

@@ -64,15 +64,16 @@ def drifted(
 ) -> dict[str, str]:
     """Frames that drifted while they were scanned, or between frames.
 
-    Drift within a frame shears it: x changes linearly with the row. The shear between consecutive
-    frames is the difference of theirs, plus what the rotation of the specimen does, which changes
-    slowly, and what parallax does to the fit, which is noise. A frame that has drifted therefore
-    has a step of shear before it and the opposite one after it, both beyond the noise of the
-    others.
+    Drift within a frame shears it: x changes linearly with the row, while the rows, along which the
+    beam is fast, stay straight; so a turn of the frame is where the rows went. The shear between
+    consecutive frames is the difference of theirs, plus what the rotation of the specimen does,
+    which changes slowly, and what parallax does to the fit, which is noise. A frame that has
+    drifted therefore has a step of shear before it and the opposite one after it, both beyond the
+    noise of the others.
     """
     notes: dict[str, str] = {}
     steps = np.array(
-        [o.linear[0, 1] if o.overlapping and o.linear is not None else np.nan for o in overlaps]
+        [_shear(o.linear) if o.overlapping and o.linear is not None else np.nan for o in overlaps]
     )
     for i, shear in enumerate(_sticking_out(steps)):
         if shear:
@@ -87,6 +88,13 @@ def drifted(
                     names[i + 1], f"moved by {shift:.0f} px against the previous frame"
                 )
     return notes
+
+
+def _shear(linear: Float) -> float:
+    """Shear of x with the row in an affine map (2, 2), after undoing its turn of the rows."""
+    along = linear[:, 0] / max(float(np.hypot(*linear[:, 0])), 1e-12)
+    across = float(along[0] * linear[1, 1] - along[1] * linear[0, 1])
+    return float(along @ linear[:, 1]) / max(abs(across), 1e-12)
 
 
 def _sticking_out(steps: Float) -> list[float]:
@@ -184,28 +192,29 @@ def _enough_tilt(
     question = "enough tilt"
     known = [value for value in tilt_deg if value is not None and math.isfinite(value)]
     spread = max(known) - min(known) if known else 0.0
-    if len(known) == len(tilt_deg) and spread > 0.5:
+    of = "" if len(known) == len(tilt_deg) else f" between the {len(known)} images that record it"
+    if spread > 0.5:
         steps = np.abs(np.diff(np.array(known)))
         if spread < MIN_TILT_DEG:
             return Answer(
                 question=question, answer="no",
-                reason=f"{spread:.1f} degrees in all; {GOOD_TILT_DEG:.0f} or more are wanted",
+                reason=f"{spread:.1f} degrees in all{of}; {GOOD_TILT_DEG:.0f} or more are wanted",
             )  # fmt: skip
         if spread < GOOD_TILT_DEG:
             return Answer(
                 question=question, answer="just",
-                reason=f"{spread:.1f} degrees in all: depths will depend on the tilts recorded and "
-                "on a constant magnification",
+                reason=f"{spread:.1f} degrees in all{of}: depths will depend on the tilts recorded "
+                "and on a constant magnification",
             )  # fmt: skip
         if steps.max() > MAX_STEP_DEG:
             return Answer(
                 question=question, answer="yes",
-                reason=f"{spread:.1f} degrees, but steps of up to {steps.max():.1f} are hard to "
-                f"match; {MAX_STEP_DEG:.0f} or less are wanted",
+                reason=f"{spread:.1f} degrees{of}, but steps of up to {steps.max():.1f} are hard "
+                f"to match; {MAX_STEP_DEG:.0f} or less are wanted",
             )  # fmt: skip
         return Answer(
             question=question, answer="yes",
-            reason=f"{spread:.1f} degrees in steps of up to {steps.max():.1f}",
+            reason=f"{spread:.1f} degrees{of} in steps of up to {steps.max():.1f}",
         )  # fmt: skip
     usable = [overlap for overlap in overlaps if overlap.overlapping]
     if not usable:

@@ -83,7 +83,7 @@ def hash_text(*parts: str) -> str:
     """A short key of texts."""
     digest = hashlib.blake2b(digest_size=16)
     for part in parts:
-        digest.update(part.encode())
+        digest.update(part.encode("utf-8", "surrogateescape"))  # a path may be any bytes
         digest.update(b"\0")
     return digest.hexdigest()
 

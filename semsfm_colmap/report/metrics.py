@@ -135,19 +135,6 @@ def _per_image(
     return rows
 
 
-def _notes(inputs: ReportInputs) -> list[str]:
-    """The notes and the warnings of ingest; a warning that many images share is said once."""
-    names_of_warning: dict[str, list[str]] = {}
-    for frame in inputs.series.frames:
-        for warning in frame.warnings:
-            names_of_warning.setdefault(warning, []).append(frame.name)
-    shared = [
-        f"{names[0]}: {warning}" if len(names) == 1 else f"{len(names)} images: {warning}"
-        for warning, names in names_of_warning.items()
-    ]
-    return [*inputs.notes, *inputs.series.warnings, *shared]
-
-
 def compute_metrics(inputs: ReportInputs) -> dict[str, Any]:
     """All numbers of the report as plain dicts and lists, ready for JSON."""
     rec = inputs.reconstruction
@@ -187,7 +174,7 @@ def compute_metrics(inputs: ReportInputs) -> dict[str, Any]:
             for name, s in inputs.stage_times.items()
         ],
         "versions": dict(inputs.versions),
-        "notes": _notes(inputs),
+        "notes": [*inputs.notes, *inputs.series.warnings],
         "per_image": _per_image(inputs, frames, residual, columns),
         "co_visibility": {"frames": frames.numbers, "num_shared_tracks": shared},
     }

@@ -339,6 +339,24 @@ def test_an_orientation_asked_for_by_the_file_is_obeyed_and_said(good: Path) -> 
     assert np.corrcoef(written.ravel(), np.rot90(texture(9), -1).ravel())[0, 1] > 0.98
 
 
+def test_the_orientation_of_a_png_is_obeyed_too(good: Path) -> None:
+    exif = Image.Exif()
+    exif[274] = 6
+    Image.fromarray(texture(9)).save(good / "turned.png", exif=exif)
+    series = prepare(good)
+    assert (series.frames[-1].width_px, series.frames[-1].height_px) == (160, 200)
+    assert any("turned.png: the file asks to be shown turned" in w for w in series.warnings)
+
+
+def test_what_is_odd_about_single_images_is_said_once_for_all_of_them(good: Path) -> None:
+    for i in range(5):
+        save(good / "x.png", texture(20 + i)).rename(good / f"odd{i}.tif")
+    said = [w for w in prepare(good).warnings if "the content is PNG" in w]
+    assert said == [
+        "odd0.tif, odd1.tif, odd2.tif and 2 more: the content is PNG, not what the suffix says."
+    ]
+
+
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_every_orientation_is_undone_as_pillow_does(good: Path, orientation: int) -> None:
     from PIL import ImageOps

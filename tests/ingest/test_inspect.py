@@ -91,7 +91,7 @@ def test_blurred_charged_and_foreign_frames_are_found(folder: Path) -> None:
     images[5] = texture(77, HEIGHT, WIDTH)
     write_series(folder, images)
     inspection = inspect_images(folder, OPTIONS)
-    assert warned(inspection, "blurred") == ["1.png", "5.png"]  # the foreign one is smooth, too
+    assert warned(inspection, "blurred") == ["1.png"]
     assert warned(inspection, "charged") == ["3.png"]
     assert warned(inspection, "shares no features") == ["5.png"]
     assert answer(inspection, "frames in order") == "no"
@@ -318,6 +318,64 @@ def test_a_frame_with_nothing_above_its_databar_is_not_usable(folder: Path) -> N
     assert (
         "3 usable" in inspection.answers[0].reason or "3 determine" in inspection.answers[0].reason
     )
+
+
+def test_a_stranger_does_not_spoil_the_judgement_of_its_neighbours(folder: Path) -> None:
+    images = [view(t, i) for i, t in enumerate(TILTS)]
+    images[3] = (texture(77, HEIGHT, WIDTH) // 6).astype(np.uint8)
+    write_series(folder, images)
+    inspection = inspect_images(folder, OPTIONS)
+    assert warned(inspection, "shares no features") == ["3.png"]
+    assert warned(inspection, "brightness") == []
+
+
+def test_copies_and_images_that_are_too_small_have_a_row_that_says_so(folder: Path) -> None:
+    write_series(folder, [texture(i) for i in range(3)])
+    save(folder / "copy.png", texture(1))
+    save(folder / "small.png", texture(1)[:20, :20])
+    inspection = inspect_images(folder, OPTIONS)
+    rows = {row.name: row for row in inspection.rows}
+    assert rows["1.png"].warnings == ("the pixels are those of copy.png.",) or rows[
+        "copy.png"
+    ].warnings == ("the pixels are those of 1.png.",)
+    assert rows["small.png"].warnings[0].startswith("20 x 20 pixels are too few")
+    assert len(rows) == 5
+    assert inspection.answers[0].reason.startswith("3 ")
+
+
+def test_tilts_that_only_some_images_record_are_judged_by_these(folder: Path) -> None:
+    for i in range(5):
+        tag = vendor.fei(tilt_rad=np.radians(5.0 * i))
+        vendor.write_tiff(folder / f"{i}.tif", with_databar(texture(i)), {vendor.FEI_HELIOS: tag})
+    save(folder / "5.png", with_databar(texture(5)))
+    (found,) = (a for a in inspect_images(folder, OPTIONS).answers if a.question == "enough tilt")
+    assert found.answer == "yes"
+    assert found.reason == (
+        "20.0 degrees between the 5 images that record it in steps of up to 5.0"
+    )
+
+
+def turned(turn_deg: float, shear: float) -> list[Overlap]:
+    """The fourth of seven frames turned, then sheared."""
+    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    step = np.array([[1.0, shear], [0.0, 1.0]]) @ np.array([[c, -s], [s, c]])
+    steps = [np.eye(2), np.eye(2), step, np.linalg.inv(step), np.eye(2), np.eye(2)]
+    return [
+        Overlap(num_matches=50, num_agreeing=40, linear=m, shift_px=np.zeros(2), parallax_px=1)
+        for m in steps
+    ]
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 3.0, -20.0, 90.0, 180.0])
+def test_a_turned_frame_has_not_drifted(turn_deg: float) -> None:
+    names = [f"{i}" for i in range(7)]
+    assert drifted(names, [1000.0] * 7, turned(turn_deg, 0.0)) == {}
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 3.0, -20.0, 180.0])
+def test_a_frame_that_is_turned_and_sheared_has_drifted(turn_deg: float) -> None:
+    names = [f"{i}" for i in range(7)]
+    assert list(drifted(names, [1000.0] * 7, turned(turn_deg, 0.02))) == ["3"]
 
 
 def test_progress_is_told(folder: Path) -> None:

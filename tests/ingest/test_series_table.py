@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from math import radians
 from pathlib import Path
+from time import perf_counter
 
 import pytest
 
@@ -47,6 +48,9 @@ def test_tables_of_every_common_kind_are_read(tmp_path: Path, text: str) -> None
         ("image,tilt_deg\na,1e5\n", "no angle in degrees"),
         ("image,pixel_size_um\na,-1\n", "must be positive"),
         ("image,tilt_deg\n,3\n", "the column image is empty"),
+        (",,\n#\n", "is empty"),
+        ("# a\n\nimage,tilt_deg\n# b\na,3\n\nb,x3\n", "line 7: tilt_deg is 'x3', not a number"),
+        ('image,tilt_deg\n"a\nb",3\nb,x3\n', "line 4: tilt_deg is 'x3', not a number"),
         ("image,tilt_deg\na,3\na,4\n", "two lines for a"),
         ("image\x00,b\n", "not a text file"),
     ],
@@ -152,3 +156,15 @@ def test_changing_scan_rotation_and_tilt_correction_are_said(folder: Path, tmp_p
     said = " ".join(series.warnings)
     assert "the scan rotation changes within the series (from 0.0 to 10.0 degrees)" in said
     assert "2.tif: tilt correction was on here but not in the other images." in said
+
+
+def test_empty_lines_of_a_spreadsheet_are_skipped(tmp_path: Path) -> None:
+    rows = read_series_table(table(tmp_path / "s.csv", "image,tilt_deg\na,1\n,\n,,\nb,2\n")).rows
+    assert [(row.image, row.tilt_deg) for row in rows] == [("a", 1.0), ("b", 2.0)]
+
+
+def test_a_long_table_is_read_in_linear_time(tmp_path: Path) -> None:
+    text = "image,tilt_deg\n" + "".join(f"{i:06}.tif,1\n" for i in range(60_000))
+    start = perf_counter()
+    assert len(read_series_table(table(tmp_path / "s.csv", text)).rows) == 60_000
+    assert perf_counter() - start < 5.0

@@ -314,24 +314,11 @@ def test_the_relative_scale_is_relative_to_the_median():
     assert [row["relative_scale"] for row in rows] == pytest.approx([0.999, 1.0, 1.0005])
 
 
-def test_a_warning_that_images_share_is_noted_once():
+def test_the_notes_are_those_of_the_run_and_the_series():
     inputs = make_inputs(make_reconstruction(np.arange(3) * 4.0), notes=("First.",))
-    a, b, c = inputs.series.frames
-    series = SemSeries(
-        frames=(
-            replace(a, warnings=("Databar cut.",)),
-            replace(b, warnings=("Databar cut.", "Tilt-corrected.")),
-            c,
-        ),
-        warnings=("No pixel size.",),
-    )
+    series = replace(inputs.series, warnings=("No pixel size.", "a.tif, b.tif: databar cut."))
     notes = compute_metrics(replace(inputs, series=series))["notes"]
-    assert notes == [
-        "First.",
-        "No pixel size.",
-        "2 images: Databar cut.",
-        f"{b.name}: Tilt-corrected.",
-    ]
+    assert notes == ["First.", "No pixel size.", "a.tif, b.tif: databar cut."]
 
 
 @pytest.mark.parametrize("num_images", [0, 1, 2])
