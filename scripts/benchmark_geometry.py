@@ -515,8 +515,16 @@ def table_ceres(data: Path, quick: bool) -> str:
 # -- scale -----------------------------------------------------------------------------------------
 
 
+TRACK_SPAN_DEG = 30.0
+"""Rotation that a track lasts, or as many frames as it has observations if that is more."""
+
+
 def long_series(frames: int, tracks: int, length: int, seed: int = 0) -> SimulatedTracks:
-    """A turn with windows of a fixed length, made without a dense visibility matrix."""
+    """A turn, tracks of a fixed length, made without a dense visibility matrix.
+
+    Fine steps do not make tracks last longer in degrees: a track has its observations in some of
+    the frames of a run of `TRACK_SPAN_DEG`.
+    """
     rng = np.random.default_rng(seed)
     angles = 2.0 * np.pi * np.arange(frames) / frames
     R = rotation_from_vector(0.01 * rng.normal(size=(frames, 3))) @ rotation_from_vector(
@@ -527,23 +535,28 @@ def long_series(frames: int, tracks: int, length: int, seed: int = 0) -> Simulat
         scale_px_per_unit=np.exp(0.0005 * rng.normal(size=frames)),
         translation_px=600.0 + 20.0 * rng.normal(size=(frames, 2)),
     )
+    window = max(length, round(frames * TRACK_SPAN_DEG / 360.0))
     first = rng.integers(0, frames, tracks)
     # the point faces the middle of its window
-    middle = angles[(first + length // 2) % frames]
+    middle = angles[(first + window // 2) % frames]
     radius = 400.0 * (1.0 + 0.1 * rng.normal(size=tracks))
     side = middle + 0.5 * rng.normal(size=tracks)
     points = np.column_stack(
         [radius * np.sin(side), rng.uniform(-400, 400, tracks), -radius * np.cos(side)]
     )
-    image_idx = np.sort((first[:, None] + np.arange(length)) % frames, axis=1).ravel()
     track_idx = np.repeat(np.arange(tracks), length)
+    image_idx = np.empty((tracks, length), dtype=np.int64)
     xy = np.empty((len(track_idx), 2))
-    for begin in range(0, len(xy), 1_000_000):
-        rows = slice(begin, begin + 1_000_000)
-        xy[rows] = cameras.project(points[track_idx[rows]], image_idx[rows])
+    for begin in range(0, tracks, 100_000):
+        some = slice(begin, min(begin + 100_000, tracks))
+        num = some.stop - some.start
+        picked = rng.random((num, window)).argpartition(length - 1, axis=1)[:, :length]
+        image_idx[some] = np.sort((first[some, None] + picked) % frames, axis=1)
+        rows = slice(some.start * length, some.stop * length)
+        xy[rows] = cameras.project(points[track_idx[rows]], image_idx[some].ravel())
     xy += NOISE_PX * rng.normal(size=xy.shape)
     observations = Observations(
-        image_idx=image_idx,
+        image_idx=image_idx.ravel(),
         track_idx=track_idx,
         keypoint_idx=np.arange(len(track_idx)),
         xy=xy,

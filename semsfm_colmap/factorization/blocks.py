@@ -70,12 +70,20 @@ def visibility(observations: Observations) -> Visibility:
 
 
 def covisible_pairs(common: Int, num_neighbours: int, min_tracks: int) -> list[tuple[int, int]]:
-    """For every image its neighbours by number of common tracks, each pair once."""
+    """For every image some of its neighbours by number of common tracks, each pair once.
+
+    Evenly spaced in rank, from the neighbour with the most common tracks to the last one that
+    shares enough: near ones share many tracks, far ones see the depth and keep a long series
+    straight.
+    """
     pairs = set()
     for i, counts in enumerate(common):
         # equal counts in image order, so that the choice does not depend on the sort
-        order = np.argsort(-counts, kind="stable")[:num_neighbours]
-        pairs |= {(min(i, int(j)), max(i, int(j))) for j in order[counts[order] >= min_tracks]}
+        order = np.argsort(-counts, kind="stable")[: np.count_nonzero(counts >= min_tracks)]
+        if len(order) == 0:
+            continue
+        ranks = np.linspace(0, len(order) - 1, min(num_neighbours, len(order))).round()
+        pairs |= {(min(i, int(j)), max(i, int(j))) for j in order[ranks.astype(np.int64)]}
     return sorted(pairs)
 
 

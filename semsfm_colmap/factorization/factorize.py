@@ -48,8 +48,8 @@ def factorize(
 
     Returns
     -------
-    Solution of (cameras of ``part.images`` in that order, points of the tracks that the polish used);
-    diagnostics of each step
+    Solution of (cameras of ``part.images`` in that order, points of the tracks that the polish
+    used); diagnostics of each step
 
     """
     number = np.full(observations.num_images, -1, dtype=np.int64)

@@ -12,13 +12,11 @@ parameters)^2; the damping acts on the cameras only, never on the points.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from scipy import sparse
 from scipy.linalg import LinAlgError
-from threadpoolctl import ThreadpoolController
 
 from semsfm_colmap.geometry.losses import LossName, gaussian_constants
 from semsfm_colmap.geometry.points import fit_points, track_pointer
@@ -31,6 +29,7 @@ from semsfm_colmap.geometry.reduced import (
     covisible_pairs,
     solve_damped,
 )
+from semsfm_colmap.geometry.threads import blas_threads
 from semsfm_colmap.types import Float, Int, Observations
 
 P = TypeVar("P")
@@ -177,12 +176,6 @@ def linearise(
     return H, g
 
 
-@cache
-def _libraries() -> ThreadpoolController:
-    """Looking for the loaded libraries takes milliseconds: once."""
-    return ThreadpoolController()
-
-
 def minimise(
     model: CameraModel[P],
     params: P,
@@ -199,7 +192,7 @@ def minimise(
     """
     # the reduced systems are small: more BLAS threads only wait for one another
     threads = 1 if model.num_params < SINGLE_THREAD_LIMIT else None
-    with _libraries().limit(limits=threads, user_api="blas"):
+    with blas_threads(threads):
         return _minimise(model, params, observations, sigma_px, options or SolverOptions())
 
 

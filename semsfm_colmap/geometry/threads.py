@@ -7,9 +7,11 @@ Waking a second thread and waiting for it costs some 50 us on an idle machine an
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import cache
 
 import numba
+from threadpoolctl import ThreadpoolController
 
 PARALLEL_OBSERVATIONS = 200_000
 """Fewer observations are processed in one thread: a pass over them takes some milliseconds."""
@@ -28,3 +30,14 @@ def threads_for(num_observations: int) -> Iterator[None]:
         yield
     finally:
         numba.set_num_threads(before)
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Looking for the loaded libraries takes milliseconds: once."""
+    return ThreadpoolController()
+
+
+def blas_threads(limit: int | None) -> AbstractContextManager[object]:
+    """Run linear algebra in at most so many threads: on small matrices they wait for one another."""
+    return _libraries().limit(limits=limit, user_api="blas")
