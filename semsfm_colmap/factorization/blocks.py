@@ -159,15 +159,17 @@ def _gather(pointer, image_idx, xy, images, tracks, M):  # type: ignore[no-untyp
 
 
 def select_blocks(observations: Observations, options: FactorizationOptions) -> list[Block]:
-    """Blocks of all sizes asked for around every co-visible pair, without duplicates."""
+    """The smallest and the largest block around every co-visible pair, without duplicates."""
     seen = visibility(observations)
     found: dict[tuple[int, ...], Block] = {}
     pairs = covisible_pairs(seen.common, options.num_block_neighbours, options.min_block_tracks)
     for pair in pairs:
         steps = grow_block(seen, pair, options.max_block_images, options.min_block_tracks)
-        for images, tracks in steps:
+        steps = steps[max(options.min_block_images - 3, 0) :]
+        # the most tracks and the most images; what lies between adds little
+        for images, tracks in [*steps[:1], *steps[1:][-1:]]:
             key = tuple(sorted(images))
-            if len(images) < options.min_block_images or key in found:
+            if key in found:
                 continue
             if len(tracks) > options.max_block_tracks:
                 keep = np.linspace(0, len(tracks) - 1, options.max_block_tracks)

@@ -39,5 +39,5 @@ def _libraries() -> ThreadpoolController:
 
 
 def blas_threads(limit: int | None) -> AbstractContextManager[object]:
-    """Run linear algebra in at most so many threads: on small matrices they wait for one another."""
+    """Linear algebra in at most so many threads: on small matrices they wait for one another."""
     return _libraries().limit(limits=limit, user_api="blas")
