@@ -196,10 +196,7 @@ def read_database(path: Path) -> Iterator[DatabaseReader]:
     check_file(path)
     try:
         connection = sqlite3.connect(
-            f"file:{quote(str(path.resolve()))}?{_access(path)}",
-            uri=True,
-            timeout=LOCK_TIMEOUT_S,
-            isolation_level=None,
+            database_uri(path), uri=True, timeout=LOCK_TIMEOUT_S, isolation_level=None
         )
         try:
             # names that are not UTF-8 are shown, not a reason to stop
@@ -213,8 +210,8 @@ def read_database(path: Path) -> Iterator[DatabaseReader]:
         raise InputError(database_sentence(path, error)) from error
 
 
-def _access(path: Path) -> str:
-    """The way of opening that leaves no file beside the database.
+def database_uri(path: Path) -> str:
+    """The way of opening for reading that leaves no file beside the database.
 
     In write-ahead mode a reader makes -wal and -shm files, even if it only reads. Where there is
     no -wal file no other program has the database open, and it can be taken as it lies there.
@@ -223,4 +220,5 @@ def _access(path: Path) -> str:
         file.seek(18)
         wal_mode = file.read(1) == bytes([WAL_MODE])
     alone = not path.with_name(path.name + "-wal").exists()
-    return "immutable=1" if wal_mode and alone else "mode=ro"
+    access = "immutable=1" if wal_mode and alone else "mode=ro"
+    return f"file:{quote(str(path.resolve()))}?{access}"
