@@ -81,7 +81,7 @@ def test_a_tilted_plane_comes_back_where_it_is(focal_factor, shrink) -> None:
     gap_px = np.abs(X[2] - (z0 + a * X[0] + b * X[1])) * s
     # float32 at this distance, and the second order of the shift
     assert gap_px.max() < 4 * f * 2.0**-24 + 0.06 * (30.0 / focal_factor) ** 2
-    naive_px = np.abs((z - (z0 + a * X[0] + b * X[1]))) * s
+    naive_px = np.abs(z - (z0 + a * X[0] + b * X[1])) * s
     assert naive_px.max() > 5 * gap_px.max()
 
 

@@ -152,7 +152,7 @@ def test_a_perspective_model_is_refused_with_its_deviation(tmp_path) -> None:
         frame.rig_from_world = pycolmap.Rigid3d(pose.rotation, t)
     (tmp_path / "near").mkdir()
     model.write_binary(str(tmp_path / "near"))
-    with pytest.raises(InputError, match="not a model of parallel projection.*px"):
+    with pytest.raises(InputError, match=r"not a model of parallel projection.*px"):
         read_pinhole_model(tmp_path / "near")
 
 

@@ -31,7 +31,7 @@ def square_pixel_views(
             f"{format_name} holds square pixels only and the cameras have the aspect {aspect:.5g}: "
             "use colmap-bin, or map the series with square pixels"
         )
-    focal = choose_focal_length(scene.reconstruction, options, float32=False)
+    focal = choose_focal_length(scene.reconstruction, scene.focal_length_px, options, float32=False)
     return pinhole_views(scene.reconstruction, focal)
 
 

@@ -23,7 +23,7 @@ def pinhole_summary(scene: ExportScene, views: PinholeViews) -> Summary:
 
 
 def _write(scene: ExportScene, folder: Path, options: FormatOptions, *, text: bool) -> Summary:
-    focal = choose_focal_length(scene.reconstruction, options, float32=False)
+    focal = choose_focal_length(scene.reconstruction, scene.focal_length_px, options, float32=False)
     views = pinhole_views(scene.reconstruction, focal)
     model = build_pinhole_model(scene, views, camera_model_for(scene))
     if text:
@@ -48,7 +48,7 @@ def write_text(scene: ExportScene, folder: Path, options: FormatOptions) -> Summ
 
 def write_float32(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """images/ and sparse/0 with PINHOLE cameras: the layout that splatting trainers expect."""
-    focal = choose_focal_length(scene.reconstruction, options, float32=True)
+    focal = choose_focal_length(scene.reconstruction, scene.focal_length_px, options, float32=True)
     views = pinhole_views(scene.reconstruction, focal)
     model = build_pinhole_model(scene, views, "PINHOLE")
     sparse = folder / "sparse" / "0"

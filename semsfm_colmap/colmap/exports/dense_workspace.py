@@ -32,7 +32,7 @@ DEPTH_MARGIN = 0.25
 def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """The whole workspace."""
     reconstruction = scene.reconstruction
-    focal = choose_focal_length(reconstruction, options, float32=True)
+    focal = choose_focal_length(reconstruction, scene.focal_length_px, options, float32=True)
     views = pinhole_views(reconstruction, focal, equal_distance=True)
     sparse, stereo = folder / "sparse", folder / "stereo"
     for path in (sparse, stereo / "depth_maps", stereo / "normal_maps"):

@@ -29,7 +29,7 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     if scene.write_ply is None:
         raise UsageError("the scene has no PLY writer: export through semsfm_colmap.export_project")
     reconstruction = scene.reconstruction
-    focal = choose_focal_length(reconstruction, options, float32=True)
+    focal = choose_focal_length(reconstruction, scene.focal_length_px, options, float32=True)
     views = pinhole_views(reconstruction, focal)
     # a power of two changes no digit of the world's coordinates
     extent = float(np.max(np.abs(reconstruction.points), initial=0.0)) or 1.0

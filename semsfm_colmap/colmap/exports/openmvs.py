@@ -18,7 +18,7 @@ from semsfm_colmap.colmap.exports.scene import ExportScene, Summary
 
 def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """images/ and sparse/ with text files."""
-    focal = choose_focal_length(scene.reconstruction, options, float32=True)
+    focal = choose_focal_length(scene.reconstruction, scene.focal_length_px, options, float32=True)
     views = pinhole_views(scene.reconstruction, focal)
     model = build_pinhole_model(scene, views, "PINHOLE")
     (folder / "sparse").mkdir()

@@ -12,8 +12,9 @@ class FormatOptions:
     The focal length is measured in the longer side of the image: f = k max(W, H).
     """
 
-    max_deviation_px: float = 0.04
-    """Largest distance between pinhole and parallel projection, formats in double precision."""
+    max_deviation_px: float = 0.0
+    """Largest distance between pinhole and parallel projection, formats in double precision; 0
+    keeps the focal length of the project's own model."""
     max_float32_deviation_px: float = 0.25
     """The same for programs that compute in float32: k is chosen for it between the next two."""
     min_float32_focal_factor: float = 300.0

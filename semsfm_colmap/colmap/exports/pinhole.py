@@ -54,12 +54,17 @@ class PinholeViews:
 
 
 def choose_focal_length(
-    reconstruction: Reconstruction, options: FormatOptions, *, float32: bool
+    reconstruction: Reconstruction, own_focal_px: float, options: FormatOptions, *, float32: bool
 ) -> float:
-    """The focal length in px for a consumer in double precision or in float32."""
+    """The focal length in px for a consumer in double precision or in float32.
+
+    `own_focal_px` is that of the project's sparse model.
+    """
     size = float(np.max(reconstruction.image_size_px))
     if options.focal_factor > 0:
         return options.focal_factor * size
+    if not float32 and options.max_deviation_px <= 0:
+        return own_focal_px
     obs = reconstruction.observations.select(reconstruction.inlier)
     bound = options.max_float32_deviation_px if float32 else options.max_deviation_px
     focal = required_focal_length(

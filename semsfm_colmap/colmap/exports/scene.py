@@ -12,6 +12,7 @@ from semsfm_colmap.colmap.exports.names import plain_names
 from semsfm_colmap.colmap.exports.options import FormatOptions
 from semsfm_colmap.colmap.model import read_model
 from semsfm_colmap.colmap.model_rows import model_rows
+from semsfm_colmap.colmap.sidecar import FILE_NAME, read_sidecar
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.types import Array, Float, PointCloud, Reconstruction
 
@@ -45,6 +46,8 @@ class ExportScene:
     """COLMAP's image ids"""
     keypoints: tuple[Float, ...]
     """(K, 2) px of each image, all of them"""
+    focal_length_px: float
+    """The focal length of the project's own sparse model"""
     image_path: Path
     """Folder of the project's images"""
     mask_path: Path | None = None
@@ -94,6 +97,7 @@ def read_scene(
 ) -> ExportScene:
     """Read a model that has its sidecar; depth maps and cloud are added by the caller."""
     reconstruction = read_model(model_path)
+    sidecar = read_sidecar(model_path / FILE_NAME)
     rows = model_rows(model_path)
     names = reconstruction.image_names
     return ExportScene(
@@ -101,6 +105,7 @@ def read_scene(
         names=plain_names(names) if options.plain_names else names,
         image_ids=tuple(rows[name].image_id for name in names),
         keypoints=tuple(rows[name].keypoints for name in names),
+        focal_length_px=float(sidecar["telecentric"]["focal_length_px"]),
         image_path=image_path,
         mask_path=mask_path,
     )

@@ -182,9 +182,8 @@ def read_bundler(folder: Path) -> Scene:
 
 def read_nvm(folder: Path) -> Scene:
     """model.nvm: rotation w x y z from world to camera, camera centre, centred measurements."""
-    lines = [
-        line for line in (folder / "model.nvm").read_text(encoding="utf-8").split("\n") if line
-    ]
+    text = (folder / "model.nvm").read_text(encoding="utf-8")
+    lines = [line for line in text.split("\n") if line.strip()]
     assert lines[0].startswith("NVM_V3")
     num = int(lines[1])
     cameras = []
