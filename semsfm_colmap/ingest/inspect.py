@@ -15,6 +15,7 @@ from semsfm_colmap.ingest.convert import to_grey8
 from semsfm_colmap.ingest.files import find_images
 from semsfm_colmap.ingest.header import ImageHeader, UnreadableImageError
 from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
+from semsfm_colmap.ingest.neighbours import drifted, misplaced, strangers
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.overlap import (
     Overlap,
@@ -34,7 +35,7 @@ from semsfm_colmap.ingest.scan import (
     scan_image,
 )
 from semsfm_colmap.ingest.series_table import read_series_table
-from semsfm_colmap.ingest.verdict import Answer, answer_all, drifted, strangers
+from semsfm_colmap.ingest.verdict import Answer, answer_all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,15 +162,20 @@ def _notes(looks: list[_Look], overlaps: list[Overlap]) -> dict[str, list[str]]:
     """Remarks per frame from comparing it with the others."""
     names = [look.image.name for look in looks]
     notes: dict[str, list[str]] = {name: [] for name in names}
-    foreign = strangers(names, [look.features for look in looks], overlaps)
+    features = [look.features for look in looks]
+    foreign = strangers(names, features, overlaps)
     for name in foreign:
         notes[name].append("shares no features with its neighbours: another specimen or view?")
     if any(overlap.overlapping for overlap in overlaps):  # else they are no neighbours
         familiar = [look for look in looks if look.image.name not in foreign]
         for look, said in zip(familiar, judge([x.quality for x in familiar]), strict=True):
             notes[look.image.name] += said
+    astray = misplaced(names, features, overlaps)
+    for name in astray:
+        notes[name].append("out of order: its neighbours are closer to one another than to it")
     for name, note in drifted(names, [_side(look.image) for look in looks], overlaps).items():
-        notes[name].append(note)
+        if name not in astray:  # else it is sheared by its other angle
+            notes[name].append(note)
     for look in looks:
         if not look.image.reading.vendor and look.image.reading.metadata.pixel_size_um is None:
             notes[look.image.name].append("no microscope header")
@@ -184,7 +190,7 @@ def _far_overlaps(features: list[ReducedFeatures]) -> list[Overlap]:
 
 
 def _flagged(rows: list[InspectionRow]) -> Answer:
-    words = ("blurred", "charged", "drifted", "moved", "brightness", "shares no")
+    words = ("blurred", "charged", "drifted", "moved", "out of order", "brightness", "shares no")
     flagged = [row for row in rows if any(w.startswith(words) for w in row.warnings)]
     if not flagged:
         return Answer(question="frames in order", answer="yes", reason="none looks charged, "

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from math import degrees
 from pathlib import Path
 
@@ -16,10 +17,10 @@ from semsfm_colmap.ingest.inspect_output import (
     write_inspection_csv,
     write_inspection_json,
 )
+from semsfm_colmap.ingest.neighbours import drifted
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.overlap import Overlap
 from semsfm_colmap.ingest.quality import judge, measure
-from semsfm_colmap.ingest.verdict import drifted
 
 from . import vendor_files as vendor
 from .conftest import DATA, save, texture, with_databar
@@ -355,6 +356,23 @@ def test_tilts_that_only_some_images_record_are_judged_by_these(folder: Path) ->
     )
 
 
+@pytest.mark.parametrize("place", [2, 3, 5])
+def test_a_frame_out_of_order_is_found(folder: Path, place: int) -> None:
+    tilts = [-15, -12, -9, -6, -3, 0, 3, 6]
+    tilts.insert(place, 12)
+    write_series(folder, [view(t, i) for i, t in enumerate(tilts)])
+    inspection = inspect_images(folder, OPTIONS)
+    assert warned(inspection, "out of order") == [f"{place}.png"]
+    assert warned(inspection, "drifted") == []
+    assert answer(inspection, "frames in order") == "no"
+
+
+def test_uneven_steps_are_in_order(folder: Path) -> None:
+    tilts = [-14, -12, -10, -4, 2, 4, 6, 12, 14]
+    write_series(folder, [view(t, i) for i, t in enumerate(tilts)])
+    assert warned(inspect_images(folder, OPTIONS), "out of order") == []
+
+
 def turned(turn_deg: float, shear: float) -> list[Overlap]:
     """The fourth of seven frames turned, then sheared."""
     c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
@@ -364,6 +382,13 @@ def turned(turn_deg: float, shear: float) -> list[Overlap]:
         Overlap(num_matches=50, num_agreeing=40, linear=m, shift_px=np.zeros(2), parallax_px=1)
         for m in steps
     ]
+
+
+def test_a_frame_at_another_angle_is_not_called_drifted() -> None:
+    names = [f"{i}" for i in range(7)]
+    overlaps = turned(0.0, 0.02)
+    overlaps[3] = replace(overlaps[3], parallax_px=2.0)
+    assert drifted(names, [1000.0] * 7, overlaps) == {}
 
 
 @pytest.mark.parametrize("turn_deg", [0.0, 3.0, -20.0, 90.0, 180.0])
