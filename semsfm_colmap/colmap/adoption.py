@@ -16,7 +16,7 @@ import numpy as np
 from semsfm_colmap.colmap.adoption_options import AdoptionOptions
 from semsfm_colmap.colmap.pinhole_reading import PinholeReading
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.geometry.alignment import align_rotations
+from semsfm_colmap.geometry.alignment import Similarity, align_rotations
 from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.types import Array, Float, OrthographicCameras, Reconstruction
 
@@ -46,27 +46,49 @@ class ModelChange:
         return not self.reasons
 
 
-def align_to(reconstruction: Reconstruction, old: OrthographicCameras) -> Reconstruction:
-    """A reconstruction of the same images in the world of other cameras of them.
+def fit_world(cameras: OrthographicCameras, old: OrthographicCameras) -> Similarity:
+    """The similarity from the world of some cameras to that of other cameras of the same images.
 
     With ``X_old = g Q^T X + c``: ``R_old = R Q``, ``s_old = s / g`` and ``t_old = t - P_old c``,
     where Q aligns the rotations, g keeps the geometric mean magnification, and c is the least
     squares shift of the translations.
     """
-    cameras = reconstruction.cameras
     Q = align_rotations(cameras.cam_from_world, old.cam_from_world)
     log_ratio = np.log(cameras.scale_px_per_unit) - np.log(old.scale_px_per_unit)
     g = float(np.exp(np.mean(log_ratio)))
+    rows = _moved(cameras, Q, g, np.zeros(3)).projection.reshape(-1, 3)
+    gap = (cameras.translation_px - old.translation_px).reshape(-1)
+    shift = np.linalg.lstsq(rows, gap, rcond=None)[0]
+    return Similarity(rotation=Q.T, scale=g, shift=np.asarray(shift, dtype=np.float64))
+
+
+def _moved(cameras: OrthographicCameras, Q: Float, g: float, shift: Float) -> OrthographicCameras:
     turned = replace(
         cameras,
         cam_from_world=cameras.cam_from_world @ Q,
         scale_px_per_unit=cameras.scale_px_per_unit / g,
     )
-    rows = turned.projection.reshape(-1, 3)
-    gap = (cameras.translation_px - old.translation_px).reshape(-1)
-    shift = np.linalg.lstsq(rows, gap, rcond=None)[0]
-    moved = replace(turned, translation_px=cameras.translation_px - turned.projection @ shift)
-    return replace(reconstruction, cameras=moved, points=g * reconstruction.points @ Q + shift)
+    return replace(turned, translation_px=cameras.translation_px - turned.projection @ shift)
+
+
+def align_to(reconstruction: Reconstruction, old: OrthographicCameras) -> Reconstruction:
+    """A reconstruction of the same images in the world of other cameras of them."""
+    world = fit_world(reconstruction.cameras, old)
+    return replace(
+        reconstruction,
+        cameras=_moved(reconstruction.cameras, world.rotation.T, world.scale, world.shift),
+        points=world.apply(reconstruction.points),
+    )
+
+
+def old_origin(old: Reconstruction, reading: PinholeReading) -> Float:
+    """The old world's origin in the world of the model read: (3,).
+
+    The old magnifications hold at the depth of this point; read the model again with it as the
+    reference, and an unchanged model gives the old cameras.
+    """
+    world = fit_world(_same_images(old, reading).cameras, old.cameras)
+    return np.asarray(world.inverse.apply(np.zeros((1, 3)))[0])
 
 
 def compare_models(

@@ -1,10 +1,10 @@
 """Any sparse model with long-focal cameras as orthographic ones, with the deviation stated.
 
 A pinhole far from the specimen is parallel to ``|x - c| |s z| / f``. Its orthographic stand-in has
-the magnification at the depth D of the points' centroid, ``s = f / D``, and the image of the
-centroid in the same place:
+the magnification at the depth D of a reference point p, by default the points' centroid,
+``s = f / D``, and the image of p in the same place:
 
-    R = R_pinhole,   s = f_x / D,   t = xy(centroid) - s K2 (R centroid)[:2]
+    R = R_pinhole,   s = f_x / D,   t = xy(p) - s K2 (R p)[:2]
 
 with K2 = diag(1, f_y / f_x).
 
@@ -54,7 +54,10 @@ class PinholeReading:
 
 
 def read_pinhole_model(
-    path: Path | str, *, max_deviation_px: float = MAX_DEVIATION_PX
+    path: Path | str,
+    *,
+    max_deviation_px: float = MAX_DEVIATION_PX,
+    reference: Float | None = None,
 ) -> PinholeReading:
     """Read a sparse model that has no orthographic.json.
 
@@ -79,7 +82,9 @@ def read_pinhole_model(
     rows = rows_of(model)
     names = tuple(image.name for image in images)
     points, colors, observations = _points(model, images, rows)
-    cameras, focal = _cameras(path, model, images, rows, points)
+    cameras, focal = _cameras(
+        path, model, images, rows, points.mean(axis=0) if reference is None else reference
+    )
     reconstruction = Reconstruction(
         image_names=names,
         image_size_px=np.array(
@@ -151,14 +156,13 @@ def _points(
 
 
 def _cameras(
-    path: Path, model: Any, images: list[Any], rows: dict[str, ModelRow], points: Float
+    path: Path, model: Any, images: list[Any], rows: dict[str, ModelRow], reference: Float
 ) -> tuple[OrthographicCameras, Float]:
-    centroid = points.mean(axis=0)
     R, s, t, focal = [], [], [], []
     for image in images:
         camera = model.cameras[image.camera_id]
         pose = rows[image.name].cam_from_world
-        x = pose[:, :3] @ centroid + pose[:, 3]
+        x = pose[:, :3] @ reference + pose[:, 3]
         fx, fy = float(camera.focal_length_x), float(camera.focal_length_y)
         if not x[2] > 0:
             raise InputError(f"{path}: the points lie behind the camera of {image.name}")
@@ -168,7 +172,7 @@ def _cameras(
         )
         R.append(pose[:, :3])
         s.append(scale)
-        t.append(xy - scale * np.array([1.0, fy / fx]) * (pose[:2, :3] @ centroid))
+        t.append(xy - scale * np.array([1.0, fy / fx]) * (pose[:2, :3] @ reference))
         focal.append((fx, fy))
     focal_px = np.array(focal)
     aspect = focal_px[:, 1] / focal_px[:, 0]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semsfm_colmap.colmap.adoption import ModelChange, compare_models
+from semsfm_colmap.colmap.adoption import ModelChange, compare_models, old_origin
 from semsfm_colmap.colmap.adoption_options import AdoptionOptions
 from semsfm_colmap.colmap.database import DatabaseImage
 from semsfm_colmap.colmap.model import read_model, write_model
@@ -61,6 +61,7 @@ def adopt_model(
     old = read_model(target)
     focal = float(read_sidecar(target / FILE_NAME)["telecentric"]["focal_length_px"])
     reading = read_pinhole_model(changed_path)
+    reading = read_pinhole_model(changed_path, reference=old_origin(old, reading))
     change, new = compare_models(old, focal, reading, options)
     if dry_run:
         return change

@@ -207,7 +207,10 @@ def py_fuse(workspace: Path, preset: DensePreset) -> int:
 
 
 def py_poisson(cloud: Path, out: Path) -> int:
-    pycolmap.poisson_meshing(str(cloud), str(out), poisson_meshing_options(depth=7))
+    options = poisson_meshing_options(depth=7)
+    # more threads than free cores wait for one another without end
+    options.num_threads = 1
+    pycolmap.poisson_meshing(str(cloud), str(out), options)
     return num_faces(out)
 
 
