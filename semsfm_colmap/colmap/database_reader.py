@@ -157,6 +157,12 @@ class DatabaseReader:
             num_raw=int(np.sum(first < len(raw))),
         )
 
+    def raw_matches(self, image_pair: ImagePair) -> Int:
+        """(L, 2) keypoint indices as the matcher left them."""
+        pair_id = MAX_NUM_IMAGES * image_pair[0] + image_pair[1]
+        unlimited = MAX_NUM_IMAGES
+        return self._match_table("matches", pair_id, image_pair, (unlimited, unlimited))
+
     def _match_table(
         self, table: str, pair_id: int, image_pair: ImagePair, num_keypoints: tuple[int, int]
     ) -> Int:

@@ -13,6 +13,7 @@ from semsfm_colmap.colmap.database import (
     pairs_without_matches,
     read_images,
 )
+from semsfm_colmap.colmap.database_scratch import copy_features, copy_matches, scratch_database
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.options import SiftOptions
 
@@ -91,27 +92,32 @@ def extract_sift(
 ) -> None:
     """Extract keypoints and descriptors of the images that have none in the database yet."""
     register_images(database_path, names, sizes_px)
-    camera_of = {image.name: image.camera_id for image in read_images(database_path)}
+    stored = {image.name: image for image in read_images(database_path)}
+    size_of = dict(zip(names, sizes_px, strict=True))
     extraction = extraction_options(options, num_threads)
     todo = images_without_features(database_path, names)
     done = len(names) - len(todo)
-    for camera_id in dict.fromkeys(camera_of[name] for name in todo):
+    for camera_id in dict.fromkeys(stored[name].camera_id for name in todo):
         reader = pycolmap.ImageReaderOptions()
-        reader.existing_camera_id = camera_id
+        reader.existing_camera_id = 1
         if mask_path is not None:
             reader.mask_path = str(mask_path)
-        group = [name for name in todo if camera_of[name] == camera_id]
+        group = [name for name in todo if stored[name].camera_id == camera_id]
         for begin in range(0, len(group), EXTRACT_CHUNK):
             chunk = group[begin : begin + EXTRACT_CHUNK]
-            pycolmap.extract_features(
-                str(database_path),
-                str(image_path),
-                image_names=chunk,
-                camera_mode=pycolmap.CameraMode.SINGLE,
-                reader_options=reader,
-                extraction_options=extraction,
-                device=pycolmap.Device.cpu,
-            )
+            with scratch_database(database_path) as scratch:
+                register_images(scratch, chunk, [size_of[name] for name in chunk])
+                pycolmap.extract_features(
+                    str(scratch),
+                    str(image_path),
+                    image_names=chunk,
+                    camera_mode=pycolmap.CameraMode.SINGLE,
+                    reader_options=reader,
+                    extraction_options=extraction,
+                    device=pycolmap.Device.cpu,
+                )
+                id_of = {n: stored[name].image_id for n, name in enumerate(chunk, start=1)}
+                copy_features(scratch, database_path, id_of)
             done += len(chunk)
             if progress is not None:
                 progress(done, len(names))
@@ -131,23 +137,33 @@ def match_sift(
     matching.num_threads = num_threads
     matching.skip_geometric_verification = True
     matching.sift.max_ratio = max_ratio
-    names = {image.image_id: image.name for image in read_images(database_path)}
     todo = pairs_without_matches(database_path, pairs)
     done = len(pairs) - len(todo)
-    with tempfile.TemporaryDirectory(prefix="semsfm-") as folder:
+    if not todo:
+        return
+    ids = sorted({image_id for pair in todo for image_id in pair})
+    number = {image_id: n for n, image_id in enumerate(ids, start=1)}
+    with (
+        scratch_database(database_path) as scratch,
+        tempfile.TemporaryDirectory(prefix="semsfm-") as folder,
+    ):
+        # plain names, because COLMAP's list of pairs is split at spaces; sizes do not matter here
+        register_images(scratch, [f"{n}.png" for n in number.values()], [(1, 1)] * len(ids))
+        copy_features(database_path, scratch, number)
         list_path = Path(folder) / "pairs.txt"
         for begin in range(0, len(todo), MATCH_CHUNK):
-            chunk = todo[begin : begin + MATCH_CHUNK]
-            lines = [f"{names[a]} {names[b]}\n" for a, b in chunk]
+            chunk = [(number[a], number[b]) for a, b in todo[begin : begin + MATCH_CHUNK]]
+            lines = [f"{a}.png {b}.png\n" for a, b in chunk]
             list_path.write_text("".join(lines), encoding="utf-8")
             pairing = pycolmap.ImportedPairingOptions()
             pairing.match_list_path = str(list_path)
             pycolmap.match_image_pairs(
-                str(database_path),
+                str(scratch),
                 matching_options=matching,
                 pairing_options=pairing,
                 device=pycolmap.Device.cpu,
             )
+            copy_matches(scratch, database_path, chunk, ids)
             done += len(chunk)
             if progress is not None:
                 progress(done, len(pairs))

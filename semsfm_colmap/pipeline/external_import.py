@@ -97,6 +97,7 @@ def import_database(
 ) -> None:
     """Fill the project's database from another, unless that is done; both stages in run.json."""
     from semsfm_colmap.colmap.database_reader import read_database
+    from semsfm_colmap.colmap.database_scratch import remove_database
 
     record = RunRecord.read(project.record)
     ingested = str(record.stages.get("ingest", {}).get("key", ""))
@@ -204,12 +205,6 @@ def copy_matches(
         "num_verified_pairs": sum(F is not None for F, _ in verified.values()),
         "pairs": statistics,
     }
-
-
-def remove_database(path: Path) -> None:
-    """Remove a database with its log and index."""
-    for suffix in ("-wal", "-shm", ""):
-        path.with_name(path.name + suffix).unlink(missing_ok=True)
 
 
 def find_images(reader: DatabaseReader, series: SemSeries, image_path: Path) -> list[StoredImage]:
