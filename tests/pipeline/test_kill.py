@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -52,3 +53,14 @@ def test_a_killed_run_is_finished_by_the_next_one(stage, small_series, small_pro
         assert db.num_images() == 7
         assert db.num_verified_image_pairs() > 6
     assert not [p for p in project.rglob(".*") if p.name.endswith((".part", ".old"))]
+
+
+@pytest.mark.slow
+def test_random_moments_of_a_run_end_with_the_same_model(small_series, tmp_path):
+    # scripts/kill_test.py with 50 moments is run by hand
+    script = Path(__file__).parents[2] / "scripts" / "kill_test.py"
+    command = [sys.executable, str(script), "--kills", "3", "--seed", "5"]
+    command += ["--images", str(small_series / "images"), "--output", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "3 of 3 ended with the same model" in done.stdout
