@@ -168,7 +168,7 @@ def test_a_file_that_is_no_database_is_refused_in_one_sentence(tmp_path):
     with pytest.raises(InputError, match="does not exist"), open_database(path):
         pass
     path.write_bytes(b"not a database" * 100)
-    with pytest.raises(InputError, match="cannot be used as a COLMAP database"):
+    with pytest.raises(InputError, match="is not a COLMAP database"):
         read_matches(path)
 
 
