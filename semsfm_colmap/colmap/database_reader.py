@@ -213,6 +213,11 @@ def read_database(path: Path) -> Iterator[DatabaseReader]:
         finally:
             connection.close()
     except sqlite3.Error as error:
+        if "readonly" in str(error) and path.with_name(path.name + "-journal").exists():
+            raise InputError(
+                f"{path} was left in the middle of a transaction by a program that died: open it "
+                "once with that program, or run `sqlite3 DATABASE .tables`, to put it right"
+            ) from error
         raise InputError(database_sentence(path, error)) from error
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, UsageError
-from semsfm_colmap.pipeline.project import locked_folder
+from semsfm_colmap.pipeline.project import Project, locked_folder
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.sparse_models import Summary, join_matches, map_series
 from semsfm_colmap.pipeline.stages import threads
@@ -100,6 +100,11 @@ def check_models_folder(path: Path) -> None:
 
     if path.exists() and not path.is_dir():
         raise UsageError(f"{path} is a file: give a folder as --output_path")
+    if path.name == "sparse" and Project(path.parent).record.is_file():
+        raise UsageError(
+            f"{path} belongs to the project {path.parent}: run `semsfm map {path.parent}`, or give "
+            "another --output_path"
+        )
     first = path / "0"
     if first.exists() and not (first / FILE_NAME).is_file():
         raise UsageError(

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from semsfm_colmap.config import Config, options_key
-from semsfm_colmap.errors import InputError
+from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.pipeline.external import PAIRS_IN_MEMORY, size_on_disk, verify_database
 from semsfm_colmap.pipeline.project import Project, locked
 from semsfm_colmap.pipeline.reconstruct import STAGE_NAMES, run_stages
@@ -58,6 +58,10 @@ def reconstruct_from_database(
     config, reporter = config or Config(), reporter or Reporter(verbosity=-1)
     project = Project(Path(output_path))
     image_path, database_path = Path(image_path), Path(database_path)
+    if database_path.exists() and database_path.resolve() == project.database.resolve():
+        raise UsageError(
+            f"{database_path} is the project's own database: leave --database_path away"
+        )
     key = hash_database(database_path)
     run_stages(
         project.path,

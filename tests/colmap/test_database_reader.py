@@ -1,4 +1,6 @@
+import shutil
 import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -185,3 +187,42 @@ def test_a_database_held_for_writing_is_a_sentence(tmp_path, monkeypatch):
         pass
     writer.execute("ROLLBACK")
     writer.close()
+
+
+def crashed(path, tmp_path):
+    """The files as a program leaves them that dies in the middle of writing."""
+    writer = sqlite3.connect(path, isolation_level=None)
+    writer.execute("PRAGMA cache_size = 1")
+    writer.execute("DELETE FROM keypoints WHERE image_id = 2")
+    writer.execute("BEGIN IMMEDIATE")
+    writer.execute("UPDATE keypoints SET data = zeroblob(length(data))")
+    (tmp_path / "crashed").mkdir()
+    for suffix in ("", "-wal", "-journal"):
+        file = path.with_name(path.name + suffix)
+        if file.exists():
+            shutil.copy(file, tmp_path / "crashed")
+    writer.execute("ROLLBACK")
+    writer.close()
+    return tmp_path / "crashed" / path.name
+
+
+def test_what_was_committed_before_a_crash_is_read(tmp_path):
+    content, _ = simulated_content(num_images=3)
+    path = crashed(write_38(tmp_path / "d.db", content, wal=True), tmp_path)
+    before = path.read_bytes()
+    with read_database(path) as reader:
+        assert len(reader.xy(2)) == 0
+        assert np.array_equal(reader.xy(1), content.keypoints[0][:, :2].astype(np.float32))
+    assert path.read_bytes() == before
+
+
+def test_a_crash_with_a_rollback_journal_says_how_to_put_it_right(tmp_path):
+    content, _ = simulated_content(num_images=3)
+    path = crashed(write_38(tmp_path / "d.db", content), tmp_path)
+    with pytest.raises(InputError, match="left in the middle of a transaction"):
+        read_everything(path)
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("SELECT count(*) FROM keypoints").fetchone()
+    with read_database(path) as reader:
+        # what was not committed is undone
+        assert np.array_equal(reader.xy(1), content.keypoints[0][:, :2].astype(np.float32))

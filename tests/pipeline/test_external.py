@@ -196,6 +196,14 @@ def test_another_programs_models_are_not_overwritten(tmp_path):
     assert not (tmp_path / "out" / "3").exists()
 
 
+def test_a_projects_models_are_left_to_the_project(tmp_path):
+    content, _ = simulated_content(num_images=3)
+    database = write_38(tmp_path / "d.db", content)
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(UsageError, match=r"belongs to the project .*: run `semsfm map"):
+        map_database(database, tmp_path / "sparse")
+
+
 def test_two_processes_on_one_folder_are_told_apart(tmp_path):
     content, _ = simulated_content()
     database = write_38(tmp_path / "d.db", content)

@@ -193,6 +193,13 @@ def test_a_database_that_is_none_is_refused_before_anything_is_made(small_series
     assert not (tmp_path / "p").exists()
 
 
+def test_the_projects_own_database_is_not_another(small_project, small_series):
+    with pytest.raises(UsageError, match="is the project's own database"):
+        reconstruct_from_database(
+            small_series / "images", small_project / "database.db", small_project
+        )
+
+
 def test_a_project_in_use_is_left_alone(old_database, small_series, ingested, tmp_path):
     project = shutil.copytree(ingested, tmp_path / "p")
     with locked(Project(project)), pytest.raises(UsageError, match="in use by another"):

@@ -64,3 +64,30 @@ def test_random_moments_of_a_run_end_with_the_same_model(small_series, tmp_path)
     done = subprocess.run(command, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "3 of 3 ended with the same model" in done.stdout
+
+
+@pytest.mark.slow
+def test_a_second_process_is_refused_in_one_sentence_and_does_no_harm(
+    small_series, small_project, tmp_path
+):
+    project = tmp_path / "p"
+    first = start(small_series / "images", project)
+    while not (project / "run.json").is_file():
+        assert first.poll() is None
+        time.sleep(0.02)
+    refused = 0
+    while first.poll() is None:
+        second = start(small_series / "images", project)
+        _, err = second.communicate(timeout=300)
+        if second.returncode == 0:
+            break  # it came after the first had ended
+        assert second.returncode == 2
+        sentence = f"semsfm reconstruct: {project} is in use by another semsfm process: "
+        assert err.decode() == sentence + "wait for it or stop it\n"
+        refused += 1
+    _, err = first.communicate(timeout=300)
+    assert first.returncode == 0, err.decode()
+    assert refused > 0
+    for name in ("points3D.bin", "images.bin", "orthographic.json"):
+        a, b = (p / "sparse" / "0" / name for p in (small_project, project))
+        assert a.read_bytes() == b.read_bytes()
