@@ -22,7 +22,8 @@ class IngestOptions:
     tilt_step_deg: float | None = None
     """Nominal tilt between consecutive images, where neither files nor table give a tilt."""
     tilt_axis: str = "auto"
-    """Direction of the tilt axis in the images: auto, x, y, or degrees from x toward y."""
+    """Direction of the tilt axis in the images: auto, x, y, or degrees from x toward y. The images
+    show it better than one can say it; where they contradict, that is reported."""
     tilt_sigma_deg: float | None = None
     """Standard deviation of the recorded tilts; default 0.2 for a table, 0.5 for a stage, a tenth
     of the step for tilt_step_deg."""

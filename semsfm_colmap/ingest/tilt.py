@@ -22,6 +22,7 @@ import numpy as np
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.geometry.tilt import MAX_DRIFT, tilt_error, tilt_tolerance
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.wording import abbreviate
 from semsfm_colmap.types import Float, SemSeries
 
 SIGMA_TABLE_DEG = 0.2
@@ -30,6 +31,8 @@ SIGMA_STAGE_DEG = 0.5
 SIGMA_STEP_PART = 0.1
 MIN_RANGE_DEG = 0.5
 """Tilts that vary less say that the specimen was not turned by the stage."""
+AXIS_TOLERANCE_DEG = 5.0
+"""A stage's axis is aligned with the scan to a few degrees, and often read by eye."""
 MAX_ROUGHNESS = 4.0
 """Scatter about the line, in standard deviations of the prior, above which frames are named."""
 
@@ -70,7 +73,10 @@ class TiltCheck:
 
 
 def tilt_prior(series: SemSeries, options: IngestOptions) -> TiltPrior | None:
-    """The prior of a prepared series, or None if no tilt is known or it does not vary."""
+    """The prior of a prepared series, or None if no tilt is known or it does not vary.
+
+    Where only the axis is known, the prior holds no angles.
+    """
     axis = parse_axis(options.tilt_axis)
     angles = np.array(
         [np.nan if f.metadata.tilt_rad is None else f.metadata.tilt_rad for f in series.frames]
@@ -85,6 +91,8 @@ def tilt_prior(series: SemSeries, options: IngestOptions) -> TiltPrior | None:
         angles = math.radians(options.tilt_step_deg) * np.arange(len(series.frames), dtype=float)
         default = SIGMA_STEP_PART * abs(options.tilt_step_deg)
         source = "option tilt_step_deg"
+    elif axis is not None:
+        angles, default, source = np.full(len(series.frames), np.nan), SIGMA_STAGE_DEG, "none"
     else:
         return None
     sigma_deg = options.tilt_sigma_deg if options.tilt_sigma_deg is not None else default
@@ -123,14 +131,18 @@ def check_tilt(prior: TiltPrior, image_names: Sequence[str], cam_from_world: Flo
         for i, name in enumerate(image_names)
         if name in index and np.isfinite(prior.angle_rad[index[name]])
     ]
+    axis = _axis_note(prior, cam_from_world)
     known = prior.angle_rad[[a for a, _ in rows]]
     if len(rows) < 3 or float(np.ptp(known)) < math.radians(MIN_RANGE_DEG):
+        few = "the known tilts of the registered images do not differ"
+        if len(rows) < 3:
+            few = "fewer than three images have both a known and an estimated tilt"
+        if not np.isfinite(prior.angle_rad).any():
+            few = ""
         return TiltCheck(
             consistent=True, factor=math.nan, tolerance=math.nan, factor_sigma=math.nan,
             scatter_rad=math.nan, outliers=(),
-            message="fewer than three images have both a known and an estimated tilt"
-            if len(rows) < 3
-            else "the known tilts of the registered images do not differ",
+            message="; ".join(part for part in (few, axis) if part),
         )  # fmt: skip
     sigma = prior.sigma_rad[[a for a, _ in rows]]
     estimated = angles_about_common_axis(cam_from_world[[b for _, b in rows]])
@@ -163,7 +175,9 @@ def check_tilt(prior: TiltPrior, image_names: Sequence[str], cam_from_world: Flo
                 "explain it, too)"
             )
     if outliers:
-        message += f"; the tilt of {', '.join(outliers[:3])} does not fit the others"
+        message += f"; the tilt of {abbreviate(outliers)} does not fit the others"
+    if axis:
+        message += f"; {axis}"
     return TiltCheck(
         consistent=consistent, factor=factor, tolerance=tolerance, factor_sigma=factor_sigma,
         scatter_rad=scatter, outliers=outliers, message=message,
@@ -206,13 +220,36 @@ def angles_about_common_axis(cam_from_world: Float) -> Float:
     The rotations relative to the middle camera, as vectors, lie along the axis; the first principal
     direction of these vectors is the axis, and the angle is the projection on it.
     """
+    vectors, axis = _common_axis(cam_from_world)
+    return np.unwrap(np.asarray(vectors @ axis))
+
+
+def _common_axis(cam_from_world: Float) -> tuple[Float, Float]:
+    """Rotation vectors (M, 3) from the middle camera, in its frame, and their direction (3,)."""
     from scipy.spatial.transform import Rotation
 
     middle = len(cam_from_world) // 2
     relative = cam_from_world @ cam_from_world[middle].T
     vectors = Rotation.from_matrix(relative).as_rotvec()
-    axis = np.linalg.svd(vectors)[2][0]
-    return np.unwrap(np.asarray(vectors @ axis))
+    return vectors, np.linalg.svd(vectors)[2][0]
+
+
+def _axis_note(prior: TiltPrior, cam_from_world: Float) -> str:
+    """How the axis seen in the images lies to the known one; empty where none is known."""
+    if prior.axis_image_rad is None or len(cam_from_world) < 2:
+        return ""
+    _, axis = _common_axis(cam_from_world)
+    seen = math.degrees(math.atan2(axis[1], axis[0]))
+    said = math.degrees(prior.axis_image_rad)
+    apart = abs((seen - said + 90.0) % 180.0 - 90.0)
+    seen = (seen + 45.0) % 180.0 - 45.0
+    if apart <= AXIS_TOLERANCE_DEG:
+        return f"the tilt axis lies at {seen:.1f} degrees in the images, as said"
+    return (
+        f"the tilt axis lies at {seen:.1f} degrees in the images, from x toward y, and not at "
+        f"{said:.1f} (option tilt_axis): the images are believed; check the order of the images, "
+        "or whether they were turned"
+    )
 
 
 def _robust_line(x: Float, y: Float) -> tuple[float, Float]:

@@ -204,6 +204,28 @@ def test_angles_are_stretched_toward_the_known_ones_by_their_weight(factor: floa
         assert joint == pytest.approx(images**-2 + check.factor_sigma**-2)
 
 
+AXIS_SEEN_DEG = float(np.degrees(np.arctan2(0.2, 0.97)))
+"""Of `cameras`."""
+
+
+@pytest.mark.parametrize("reversed_", [False, True])
+@pytest.mark.parametrize(
+    ("said", "agrees"), [(11.6, True), (14.0, True), (-168.0, True), (20.0, False), (90.0, False)]
+)
+def test_the_axis_that_is_said_is_compared_with_the_one_seen(
+    said: float, agrees: bool, reversed_: bool
+) -> None:
+    options = IngestOptions(tilt_axis=f"{said}")
+    for tilts in (list(TILTS), [None] * len(TILTS)):
+        prior = tilt_prior(series(tilts, "table s.csv"), options)
+        assert prior is not None
+        message = check_tilt(prior, names_of(prior), cameras(TILTS, reversed_=reversed_)).message
+        assert f"the tilt axis lies at {AXIS_SEEN_DEG:.1f} degrees in the images" in message
+        assert ("as said" in message) == agrees
+        assert ("the images are believed" in message) != agrees
+        assert ("the estimated tilt is" in message) == (tilts[0] is not None)
+
+
 def test_over_a_wide_range_the_images_have_the_word() -> None:
     prior = prior_of(TILTS * 1.01)
     check = check_tilt(prior, names_of(prior), cameras(TILTS))
