@@ -14,10 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from semsfm_colmap.colmap.exports.options import FormatOptions
-from semsfm_colmap.colmap.telecentric import required_focal_length
-from semsfm_colmap.errors import InputError
+from semsfm_colmap.colmap.telecentric import depths_px, required_focal_length
+from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.types import Float, Int, Reconstruction
 
+MIN_DISTANCE = 4.0
+"""No camera nearer than so many times the largest depth: `telecentric.py` keeps to the same."""
 MAX_SKEW_DEVIATION_PX = 0.5
 """A pinhole has no skew; a model whose skew moves an observation further is refused."""
 
@@ -60,6 +62,14 @@ def choose_focal_length(
 
     `own_focal_px` is that of the project's sparse model.
     """
+    low, high = options.min_float32_focal_factor, options.max_float32_focal_factor
+    if not 0 < low <= high or options.max_float32_deviation_px <= 0 or options.focal_factor < 0:
+        raise UsageError(
+            f"min_float32_focal_factor = {low:g}, max_float32_focal_factor = {high:g}, "
+            f"max_float32_deviation_px = {options.max_float32_deviation_px:g}, focal_factor = "
+            f"{options.focal_factor:g}: the first must be positive and no larger than the second, "
+            "the third positive, the last 0 or positive"
+        )
     size = float(np.max(reconstruction.image_size_px))
     if options.focal_factor > 0:
         return options.focal_factor * size
@@ -76,7 +86,6 @@ def choose_focal_length(
         bound,
     )
     if float32:
-        low, high = options.min_float32_focal_factor, options.max_float32_focal_factor
         focal = float(np.clip(focal, low * size, high * size))
     return focal
 
@@ -99,6 +108,14 @@ def pinhole_views(
     principal = np.asarray(reconstruction.image_size_px) / 2.0
     mean_scale = float(np.exp(np.mean(np.log(s))))
     fx = focal_length_px * s / mean_scale if equal_distance else np.full(len(s), focal_length_px)
+    obs = reconstruction.observations.select(reconstruction.inlier)
+    points = reconstruction.points[obs.track_idx]
+    nearest = float(np.max(np.abs(depths_px(cameras, points, obs.image_idx)), initial=0.0))
+    if focal_length_px < MIN_DISTANCE * nearest:
+        raise UsageError(
+            f"a focal length of {focal_length_px:.4g} px puts the cameras into the specimen, which "
+            f"is {2 * nearest:.4g} px deep: give a larger --focal_factor"
+        )
     K2_inverse = np.linalg.inv(cameras.K2)
     offset = (cameras.translation_px - principal) @ K2_inverse.T / s[:, None]
     views = PinholeViews(
@@ -109,8 +126,6 @@ def pinhole_views(
         focal_length_px=focal_length_px,
         max_deviation_px=0.0,
     )
-    obs = reconstruction.observations.select(reconstruction.inlier)
-    points = reconstruction.points[obs.track_idx]
     ours = cameras.project(points, obs.image_idx)
     gap = np.linalg.norm(views.project(points, obs.image_idx) - ours, axis=1)
     if cameras.skew != 0.0:

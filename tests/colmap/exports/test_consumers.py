@@ -10,6 +10,9 @@ import pytest
 from semsfm_colmap.colmap.model import read_model
 from semsfm_colmap.colmap.presets import settings
 from semsfm_colmap.pipeline.export import export_project
+from semsfm_colmap.surface.files import DepthMapFolder, write_ply
+from semsfm_colmap.surface.fusion import fuse
+from semsfm_colmap.surface.options import SurfaceOptions
 from tests.colmap.exports import consumers, readers
 from tests.colmap.exports.ball_project import UNIT, write_databases
 from tests.surface.scene import RADIUS
@@ -163,6 +166,25 @@ class TestPycolmap:
         shift = np.linalg.lstsq(direction, gap, rcond=None)[0]
         assert np.abs(shift).max() < 0.1
         assert consumers.py_poisson(folder / "fused.ply", tmp_path / "mesh.ply") > 1000
+
+    def test_stereo_fusion_finds_the_surface_of_our_own_fusion(
+        self, plain_project, workspace, tmp_path
+    ) -> None:
+        folder, preset = workspace
+        consumers.py_fuse(folder, preset)
+        made = read_model(plain_project / "sparse" / "0")
+        maps = DepthMapFolder(plain_project / "dense" / "depth_maps", made.image_names)
+        own = fuse(maps, made, plain_project / "images", SurfaceOptions())
+        write_ply(tmp_path / "own.ply", own)
+        gap = consumers.surface_gap_px(folder / "fused.ply", tmp_path / "own.ply", PX_PER_UNIT)
+        assert np.median(np.abs(gap)) < 0.5
+        assert np.quantile(np.abs(gap), 0.9) < 1.0
+
+    def test_stereo_fusion_takes_special_names(self, workspace, special_project, tmp_path) -> None:
+        summary = export_project(special_project, "colmap-dense", tmp_path / "w w")
+        num = consumers.py_fuse(tmp_path / "w w", consumers.preset_of(summary))
+        folder, preset = workspace
+        assert num == pytest.approx(consumers.py_fuse(folder, preset), rel=0.01)
 
 
 class TestOpen3d:
