@@ -68,7 +68,7 @@ def fuzz_tags(code: int) -> Callable[[bytes], None]:
     def target(data: bytes) -> None:
         from semsfm_colmap.ingest.metadata.registry import read_tags
 
-        reading = read_tags({code: data}, header())
+        reading = read_tags({code: data}, header(data))
         if reading is not None:
             check_reading(reading)
 
@@ -81,7 +81,7 @@ def fuzz_sidecar(data: bytes) -> None:
 
     with tempfile.TemporaryDirectory(dir=scratch()) as folder:
         Path(folder, "a.txt").write_bytes(data)
-        reading = read_sidecar(Path(folder, "a.tif"), header())
+        reading = read_sidecar(Path(folder, "a.tif"), header(data))
     if reading is not None:
         check_reading(reading)
 
@@ -136,6 +136,25 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     "table": fuzz_table,
 }
 
+SIZES = ((1024, 943), (943, 1024), (884, 1024), (512, 442), (2048, 1536))
+ZEISS = (
+    b"0\r\n0\r\n0\r\n4.883000e-009\r\nDP_SEM\r\nSEM = SUPRA 40\r\nAP_WD\r\nWD =  8.5 mm\r\n"
+    b"DP_DETECTOR_CHANNEL\r\nSignal A = SE2\r\nAP_MAG\r\nMag =   4.57 K X\r\n"
+    b"AP_ACTUALKV\r\nEHT =  3.00 kV\r\nAP_STAGE_AT_T\r\nStage at T = 30.0 \xb0\r\n"
+    b"AP_IMAGE_PIXEL_SIZE\r\nImage Pixel Size = 4.883 nm\r\nAP_WIDTH\r\nWidth = 5.000 \xb5m\r\n"
+    b"AP_HEIGHT\r\nHeight = 4.316 \xb5m\r\nDP_IMAGE_STORE\r\nStore resolution = 1024 * 884\r\n"
+    b"AP_SCANROTATION\r\nScan Rotation = 10.0 \xb0\r\nDP_SCAN_ROT\r\nScan Rot = Off\r\n"
+    b"DP_TILT_CORRECTION\r\nTilt Corrn. = On\r\nDP_DYNAMIC_FOCUS\r\nDyn.Focus = On\r\n"
+)
+XML = (
+    b"<Metadata><BinaryResult><PixelSize><X>2e-8</X></PixelSize></BinaryResult><StageSettings>"
+    b"<StagePosition><Tilt><Alpha>0.5</Alpha></Tilt></StagePosition></StageSettings></Metadata>"
+)
+DOCTYPE = b'<!DOCTYPE a [<!ENTITY b "c"><!ENTITY d "&b;&b;&b;&b;">]><Metadata><A>&d;</A></Metadata>'
+JEOL_TILT = (
+    b"$CM_FORMAT JEOL\r\n$CM_PIXEL_SIZE 25nm\r\n$CM_FULL_SIZE 1024 884\r\n"
+    b"$$SM_TILT_CORRECTION 30.0\r\n$SM_TILT_CORR on\r\n$$SM_DYNAMIC_FOCUS 1\r\n"
+)
 HITACHI = (
     b"[SemImageFile]\r\nInstructName=S-4800\r\nDataSize=1280x960\r\nPixelSize=24.80469\r\n"
     b"SignalName=SE(M)\r\nAcceleratingVoltage=5000 Volt\r\nMagnification=4000\r\n"
@@ -155,11 +174,12 @@ TABLE = (
 )
 
 
-def header() -> Any:
-    """A plausible image to go with a header text."""
+def header(data: bytes) -> Any:
+    """An image to go with a header text: of the size most seeds speak of, turned, or resized."""
     from semsfm_colmap.ingest.header import ImageHeader
 
-    return ImageHeader(format="tiff", width=1024, height=943, bits=8, channels=1)
+    width, height = SIZES[len(data) % len(SIZES)]
+    return ImageHeader(format="tiff", width=width, height=height, bits=8, channels=1)
 
 
 def scratch() -> str | None:
@@ -169,7 +189,13 @@ def scratch() -> str | None:
 
 def seeds(target: str, data: Path | None) -> list[bytes]:
     """Inputs to start from: real headers, and the ones above."""
-    found = {"jeol": [JEOL], "sidecar": [HITACHI, JEOL], "table": [TABLE]}.get(target, [])
+    found = {
+        "zeiss": [ZEISS],
+        "fei_xml": [XML, DOCTYPE, b"<a>" * 40],
+        "jeol": [JEOL, JEOL_TILT],
+        "sidecar": [HITACHI, JEOL, JEOL_TILT],
+        "table": [TABLE],
+    }.get(target, [])
     if target == "file":
         found = [tiny_tiff(), *tiny_others()]
     tags = {"zeiss": 34118, "fei": 34682, "fei_xml": 34683, "tescan": 50431}
