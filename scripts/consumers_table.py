@@ -82,14 +82,7 @@ def model_rows(project: Path, work: Path) -> list[Row]:
     model, images = project / "sparse" / "0", project / "images"
     made = read_model(model)
     size = tuple(int(v) for v in made.image_size_px[0])
-    error = float(np.linalg.norm(made.residuals(), axis=1).mean())
-    rows = [
-        Row(
-            "semsfm",
-            "orthographic cameras of the sidecar",
-            consumers.Figures(made.num_images, len(made.points), error),
-        )
-    ]
+    rows = [Row("semsfm", "orthographic cameras of the sidecar", consumers.own_figures(made))]
 
     def add(program: str, step: str, run: Callable[[], consumers.Figures], note: str = "") -> None:
         rows.append(Row(program, step, run(), note))

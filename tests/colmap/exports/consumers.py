@@ -25,6 +25,7 @@ from semsfm_colmap.colmap.presets import (
 )
 from semsfm_colmap.geometry.alignment import align_rotations
 from semsfm_colmap.geometry.rotations import rotation_angle
+from semsfm_colmap.types import Reconstruction
 from tests.colmap.exports import readers
 
 TIMEOUT_S = 600
@@ -95,16 +96,30 @@ def cli_analyze(model: Path) -> Figures:
 
 
 def scene_figures(scene: readers.Scene, *, y_up: bool = False, shift: Any = (0.0, 0.0)) -> Figures:
-    """Of a model in a reader's terms; `shift` is added to the projections."""
-    total, count = 0.0, 0
+    """Of a model in a reader's terms; `shift` is added to the projections.
+
+    The mean error is COLMAP's: over points, each with the mean of its observations.
+    """
+    flip = np.array([1.0, -1.0 if y_up else 1.0])
+    errors: dict[int, list[float]] = {}
     for view in scene.views.values():
         owned = view.point_ids >= 0
-        X = np.array([scene.points[int(j)] for j in view.point_ids[owned]]).reshape(-1, 3)
-        xy = view.project(X) * [1.0, -1.0 if y_up else 1.0] + np.asarray(shift)
-        seen = view.xy[owned] * [1.0, -1.0 if y_up else 1.0]
-        total += float(np.linalg.norm(xy - seen, axis=1).sum())
-        count += len(X)
-    return Figures(len(scene.views), len(scene.points), total / count)
+        ids = view.point_ids[owned]
+        X = np.array([scene.points[int(j)] for j in ids]).reshape(-1, 3)
+        gap = view.project(X) * flip + np.asarray(shift) - view.xy[owned] * flip
+        for j, error in zip(ids, np.linalg.norm(gap, axis=1), strict=True):
+            errors.setdefault(int(j), []).append(float(error))
+    mean = float(np.mean([np.mean(e) for e in errors.values()]))
+    return Figures(len(scene.views), len(scene.points), mean)
+
+
+def own_figures(made: Reconstruction) -> Figures:
+    """Of the orthographic cameras of the sidecar, with COLMAP's mean error."""
+    error = np.linalg.norm(made.residuals(), axis=1)[made.inlier]
+    track = made.observations.track_idx[made.inlier]
+    num = np.bincount(track, minlength=len(made.points))
+    total = np.bincount(track, weights=error, minlength=len(made.points))
+    return Figures(made.num_images, len(made.points), float(np.mean(total[num > 0] / num[num > 0])))
 
 
 def cli_convert(model: Path, kind: str, out: Path, image_size: tuple[int, int]) -> Figures:

@@ -237,7 +237,7 @@ def splatting_folder(folder: Path) -> Scene:
     assert on_disk == sorted(scene.views)
     assert len(scene.points) > 0
     for view in scene.views.values():
-        assert png_size(folder / "images" / view.name) == view.size
+        assert image_size(folder / "images" / view.name) == view.size
     return scene
 
 
@@ -251,9 +251,12 @@ def openmvs_folder(folder: Path) -> Scene:
     return scene
 
 
-def png_size(path: Path) -> tuple[int, int]:
-    width, height = struct.unpack(">II", path.read_bytes()[16:24])
-    return width, height
+def image_size(path: Path) -> tuple[int, int]:
+    """Width and height as the file says."""
+    import PIL.Image
+
+    with PIL.Image.open(path) as image:
+        return image.size
 
 
 def read_colmap_map(path: Path) -> np.ndarray:

@@ -12,7 +12,7 @@ import pytest
 from semsfm_colmap.cli.export import FormatName
 from semsfm_colmap.colmap.exports.options import FormatOptions
 from semsfm_colmap.colmap.exports.registry import FORMATS, find_format
-from semsfm_colmap.colmap.exports.scene import ExportScene
+from semsfm_colmap.colmap.exports.scene import ExportScene, Summary
 from semsfm_colmap.colmap.model import read_model
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.pipeline.export import export_project
@@ -29,6 +29,11 @@ class ExportContract:
     """Whether names with spaces survive; otherwise they are refused."""
     has_images = False
 
+    @pytest.fixture
+    def exported(self, plain_exports) -> tuple[Path, Summary]:
+        """One export for the tests that only look."""
+        return plain_exports(self.name)
+
     def projections(self, folder: Path, image: str, points: np.ndarray) -> np.ndarray:
         """Where the exported camera sees points of the project's world: (N, 3) -> (N, 2) px."""
         raise NotImplementedError
@@ -36,15 +41,15 @@ class ExportContract:
     def names(self, folder: Path) -> set[str]:
         raise NotImplementedError
 
-    def test_its_cameras_see_what_the_orthographic_ones_see(self, plain_project, tmp_path):
-        summary = export_project(plain_project, self.name, tmp_path / "out")
+    def test_its_cameras_see_what_the_orthographic_ones_see(self, plain_project, exported):
+        folder, summary = exported
         model = read_model(plain_project / "sparse" / "0")
         obs = model.observations
         worst = 0.0
         for i, name in enumerate(model.image_names):
             X = model.points[obs.track_idx[obs.image_idx == i]]
             ours = model.cameras.project(X, np.full(len(X), i))
-            gap = self.projections(tmp_path / "out", name, X) - ours
+            gap = self.projections(folder, name, X) - ours
             worst = max(worst, float(np.linalg.norm(gap, axis=1).max()))
         assert worst <= summary["max_deviation_px"] + ROUNDING_PX
         # the stated deviation is reached, not a loose bound
@@ -75,12 +80,12 @@ class ExportContract:
             copy = tmp_path / "out" / "images" / row["export"]
             assert copy.read_bytes() == (special_project / "images" / row["project"]).read_bytes()
 
-    def test_the_folder_states_what_was_written(self, plain_project, tmp_path):
-        summary = export_project(plain_project, self.name, tmp_path / "out")
+    def test_the_folder_states_what_was_written(self, exported):
+        folder, summary = exported
         assert summary["format"] == self.name
         assert summary["num_images"] == 11
         assert summary["num_points"] > 500
-        stated = json.loads((tmp_path / "out" / "export.json").read_text(encoding="utf-8"))
+        stated = json.loads((folder / "export.json").read_text(encoding="utf-8"))
         assert stated == json.loads(json.dumps(summary, default=float))
 
     def test_an_older_export_is_replaced_whole_and_foreign_files_are_not(
@@ -140,9 +145,8 @@ class SceneContract(ExportContract):
             xy = xy * [1.0, -1.0]
         return xy + np.array([80.0, 60.0]) if self.centred else xy
 
-    def test_measurements_stay_with_their_points(self, plain_project, tmp_path):
-        export_project(plain_project, self.name, tmp_path / "out")
-        scene = self.read(tmp_path / "out")
+    def test_measurements_stay_with_their_points(self, plain_project, exported):
+        scene = self.read(exported[0])
         model = read_model(plain_project / "sparse" / "0")
         errors = [
             np.linalg.norm(
@@ -188,10 +192,10 @@ class TestColmapFloat32(SceneContract):
     def read(self, folder: Path) -> readers.Scene:
         return readers.splatting_folder(folder)
 
-    def test_float32_arithmetic_keeps_the_stated_deviation(self, plain_project, tmp_path):
-        summary = export_project(plain_project, self.name, tmp_path / "out")
+    def test_float32_arithmetic_keeps_the_stated_deviation(self, exported):
+        folder, summary = exported
         assert 300.0 <= summary["focal_factor"] <= 1000.0
-        scene = self.read(tmp_path / "out")
+        scene = self.read(folder)
         single = np.float32
         for view in scene.views.values():
             X = np.array(list(scene.points.values()))
@@ -263,16 +267,14 @@ class TestNfhSem(ExportContract):
             P = data["projection"][data["names"].tolist().index(image)]
         return points @ P[:, :3].T + P[:, 3]
 
-    def test_depth_lies_on_the_surface_with_normals_toward_the_viewer(
-        self, plain_project, tmp_path
-    ):
-        export_project(plain_project, self.name, tmp_path / "out")
-        with np.load(tmp_path / "out" / "cameras.npz") as data:
+    def test_depth_lies_on_the_surface_with_normals_toward_the_viewer(self, exported):
+        folder, _ = exported
+        with np.load(folder / "cameras.npz") as data:
             R, s, t = (
                 data[k][3] for k in ("cam_from_world", "scale_px_per_unit", "translation_px")
             )
             assert data["has_depth"].all()
-        with np.load(tmp_path / "out" / "depth" / "view_03.png.npz") as data:
+        with np.load(folder / "depth" / "view_03.png.npz") as data:
             depth, normal = data["depth"], data["normal"]
         row, col = np.nonzero(np.isfinite(depth))
         xy = (np.column_stack([col, row]) + 0.5 - t) / s
@@ -295,11 +297,10 @@ class TestPly(ExportContract):
         with path.open(encoding="utf-8", newline="") as file:
             return {row["export"] for row in csv.DictReader(file)}
 
-    def test_its_cameras_see_what_the_orthographic_ones_see(self, plain_project, tmp_path):
+    def test_its_cameras_see_what_the_orthographic_ones_see(self, plain_project, exported):
         """No cameras: the points are those of the model, with outward normals and their sigma."""
         open3d = pytest.importorskip("open3d")
-        export_project(plain_project, self.name, tmp_path / "out")
-        cloud = open3d.t.io.read_point_cloud(str(tmp_path / "out" / "points.ply"))
+        cloud = open3d.t.io.read_point_cloud(str(exported[0] / "points.ply"))
         points = cloud.point.positions.numpy()
         model = read_model(plain_project / "sparse" / "0")
         nearest = np.abs(points[:, None] - model.points[None]).max(axis=2).min(axis=1)
