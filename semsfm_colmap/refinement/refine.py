@@ -37,6 +37,9 @@ EARLY_ITERATIONS = 8
 EARLY_OBSERVATIONS = 400
 """Observations an image that the rounds before the last one are content with: a camera's six
 parameters are then known to a twentieth of the noise, and the last round uses all."""
+TILT_MARGIN = 2.0
+"""Nothing is left when all views lie within twice the smallest angle of triangulation: few points
+are seen in both of the outermost ones."""
 TAIL = 4.5
 """Gaussian noise in two coordinates exceeds this many sigma once in 25,000 times."""
 MIN_SIGMA_PX = 0.02
@@ -76,19 +79,26 @@ class Refined:
     model: BundleModel
 
 
-def noise_sigma(r: Array, track_length: Int, num_images: int) -> float:
-    """Standard deviation per coordinate from residuals (O, 2), corrected for the fit.
+def expected_share(track_length: Int, num_images: int, num_observations: int) -> Float:
+    """The share of the noise's variance that a fit leaves in each residual: (O,).
 
     A fit with u unknowns to n numbers leaves residuals whose squares sum to (n - u) sigma^2: 3 of
     the 2 k numbers of a track of k observations go into its point, 6 an image into the cameras.
+    """
+    camera_share = 3.0 * num_images / num_observations
+    return np.maximum(1.0 - 1.5 / np.maximum(track_length, 2) - camera_share, 0.05)
+
+
+def noise_sigma(r: Array, track_length: Int, num_images: int) -> float:
+    """Standard deviation per coordinate from residuals (O, 2), corrected for the fit.
+
     Residuals beyond TAIL robust standard deviations have no say.
 
     Parameters
     ----------
     track_length : (O,) observations of the track of each residual
     """
-    camera_share = 6.0 * num_images / r.size
-    share = np.maximum(1.0 - 1.5 / np.maximum(track_length, 2) - camera_share, 0.05)
+    share = expected_share(track_length, num_images, len(r))
     norm2 = np.sum(r * r, axis=1)
     # the median of a Rayleigh distribution is sqrt(2 ln 2) sigma
     first = np.sqrt(np.median(norm2 / share) / (2.0 * np.log(2.0)))
@@ -344,6 +354,17 @@ def refine(
         allowed = min(max(threshold, floor), rounds[-1].threshold_px if rounds else np.inf)
         fit = _adjust(cameras, images, observations, allowed, options, solver, seed, final=last)
         if fit is None:
+            direction = np.asarray(cameras.viewing_direction)
+            span = np.rad2deg(np.arccos(np.clip(np.min(direction @ direction.T), -1.0, 1.0)))
+            if span < TILT_MARGIN * options.min_triangulation_angle_deg:
+                return Solution(
+                    value=None,
+                    status="tilt_too_small",
+                    message=f"the viewing directions differ by {span:.2f} deg only; points whose "
+                    f"rays lie within {options.min_triangulation_angle_deg:g} deg have no reliable "
+                    "depth and are left out (--refinement.min_triangulation_angle_deg); tilt "
+                    "further",
+                )
             return Solution(
                 value=None,
                 status="too_few_observations",

@@ -8,6 +8,7 @@ from semsfm_colmap.factorization.degeneracy import diagnose_rank
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.geometry.tracks import keep_tracks
+from semsfm_colmap.ingest.tilt import TiltPrior
 from semsfm_colmap.pipeline.mapping import map_observations
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import compare_models, held_out_mask
@@ -27,14 +28,24 @@ def field(num_images=8, range_deg=40.0, seed=0, **options):
     )
 
 
-def mapped(observations: Observations):
+def mapped(observations: Observations, tilt_deg=None):
     M = observations.num_images
+    tilt = None
+    if tilt_deg is not None:
+        tilt = TiltPrior(
+            image_names=tuple(f"{i}.png" for i in range(M)),
+            angle_rad=np.deg2rad(np.asarray(tilt_deg, dtype=float)),
+            sigma_rad=np.full(M, np.deg2rad(0.1)),
+            axis_image_rad=None,
+            source="a table",
+        )
     return map_observations(
         observations,
         tuple(f"{i}.png" for i in range(M)),
         np.full((M, 2), 1000),
         factorization=FactorizationOptions(),
         refinement=RefinementOptions(),
+        tilt=tilt,
     )
 
 
@@ -65,40 +76,86 @@ SHIFTS = np.array([[500.0, 500.0], [520.0, 480.0], [470.0, 510.0], [490.0, 530.0
 
 
 @pytest.mark.parametrize(
-    ("name", "points", "R", "status"),
+    ("name", "points", "R", "tilt_deg", "status", "word"),
     [
-        ("pure translation", relief(), tilts([0, 0, 0, 0]), "no_tilt"),
-        ("in-plane rotation only", relief(), tilts([0, 20, 40, 60], (0, 0, 1.0)), "no_tilt"),
-        ("all tilts equal", relief(), tilts([30, 30, 30, 30]), "no_tilt"),
-        ("planar specimen", relief() * [1, 1, 0], tilts([0, 10, 20, 30]), "planar"),
+        (
+            "pure translation",
+            relief(),
+            tilts([0, 0, 0, 0]),
+            None,
+            "pure_translation",
+            "differ by a shift at most",
+        ),
+        (
+            "in-plane rotation only",
+            relief(),
+            tilts([0, 20, 40, 60], (0, 0, 1.0)),
+            None,
+            "in_plane_rotation",
+            "a rotation in the image plane of up to 60.0 deg",
+        ),
+        (
+            "all tilts equal",
+            relief(),
+            tilts([30, 30, 30, 30]),
+            [30, 30, 30, 30],
+            "equal_tilts",
+            "the same tilt of 30.0 deg",
+        ),
+        (
+            "planar specimen",
+            relief() * [1, 1, 0],
+            tilts([0, 10, 20, 30]),
+            None,
+            "planar",
+            "the specimen is flat",
+        ),
     ],
 )
-def test_series_without_depth_are_refused_by_name(name, points, R, status):
-    result = mapped(observations_of(points, R, SHIFTS))
+def test_series_without_depth_are_refused_by_name(name, points, R, tilt_deg, status, word):
+    result = mapped(observations_of(points, R, SHIFTS), tilt_deg)
     assert result.value is None, name
     assert result.status == status
+    assert word in result.message
     assert "tilt" in result.message
 
 
 def test_two_views_and_tracks_of_length_two_are_refused_by_name():
     two = mapped(observations_of(relief(), tilts([0, 10]), SHIFTS[:2]))
-    assert two.status == "tracks_of_length_two"
+    assert two.status == "two_views"
+    assert "only two images share tracks" in two.message
     obs = field().observations
     second = np.zeros(len(obs), dtype=bool)
     for j in range(obs.num_tracks):
         rows = np.flatnonzero(obs.track_idx == j)
         second[rows[j % 7 : j % 7 + 2]] = True
-    assert mapped(obs.select(second)).status == "tracks_of_length_two"
+    pairs = mapped(obs.select(second))
+    assert pairs.status == "tracks_of_length_two"
+    assert "every track is seen in two images only" in pairs.message
 
 
-def test_a_repeated_image_and_a_frame_without_tracks_do_not_disturb_the_rest():
+def test_a_repeated_picture_is_named_and_the_rest_goes_on():
     R = tilts([0, 10, 20, 20, 30])
     t = np.concatenate([SHIFTS, SHIFTS[3:]])
     t[3] = t[2]
-    repeated = mapped(observations_of(relief(), R, t))
+    obs = observations_of(relief(), R, t)
+    # a second exposure of the same view has noise of its own and is no repetition
+    again = mapped(obs)
+    assert again.status == "ok"
+    assert again.value[0].reconstruction.num_images == 5
+    xy = np.array(obs.xy)
+    xy[obs.image_idx == 3] = xy[obs.image_idx == 2]
+    repeated = mapped(replace(obs, xy=xy))
     assert repeated.value[0].reconstruction.num_images == 5
+    assert repeated.status == "duplicated_image"
+    assert any("2.png = 3.png" in n for n in repeated.value[0].diagnostics["notes"])
+
+
+def test_an_image_without_tracks_is_named_and_the_rest_goes_on():
     obs = field().observations
     lost = mapped(obs.select(obs.image_idx != 4))
+    assert lost.status == "image_without_tracks"
+    assert any("no track with any other: 4.png" in n for n in lost.value[0].diagnostics["notes"])
     names = lost.value[0].reconstruction.image_names
     assert names == tuple(f"{i}.png" for i in range(8) if i != 4)
 
@@ -114,15 +171,30 @@ def test_two_components_give_two_models():
     assert [p.reconstruction.num_images for p in result.value] == [7, 7]
     both = {n for p in result.value for n in p.reconstruction.image_names}
     assert len(both) == 14
+    assert result.status == "several_parts"
 
 
-def test_a_total_tilt_of_one_degree_is_reconstructed_with_a_warning_or_refused():
-    result = mapped(field(num_images=4, range_deg=1.0, wobble_deg=0.0).observations)
-    if result.value is None:
-        assert result.status in ("no_tilt", "planar", "too_few_observations")
-    else:
-        notes = result.value[0].diagnostics["notes"]
-        assert any("total rotation is only" in n for n in notes)
+def test_a_total_tilt_of_one_degree_is_refused_where_the_noise_hides_it():
+    obs = field(num_images=4, range_deg=1.0, wobble_deg=0.0).observations
+    blind = mapped(obs)
+    assert blind.status == "pure_translation"
+    assert "a tilt so small that the noise hides it" in blind.message
+    recorded = mapped(obs, np.linspace(0.0, 1.0, 4))
+    assert recorded.status == "tilt_too_small"
+    assert "span 1.0 deg only" in recorded.message
+
+
+def test_a_total_tilt_of_one_degree_has_its_own_sentence_where_the_relief_is_deep():
+    deep = relief() * [1, 1, 3]
+    obs = observations_of(deep, tilts([0, 0.3, 0.7, 1.0]), SHIFTS)
+    refused = mapped(obs)
+    assert refused.status == "tilt_too_small"
+    assert "viewing directions differ by" in refused.message
+    # the tilt is seen in second order: at twice as much the shape comes out, with a warning
+    wanted = mapped(observations_of(deep, tilts([0, 0.6, 1.4, 2.0]), SHIFTS))
+    assert wanted.status == "small_rotation"
+    notes = wanted.value[0].diagnostics["notes"]
+    assert any("total rotation is only" in n for n in notes)
 
 
 def test_rank_diagnosis_sees_depth_where_there_is_some():
