@@ -15,6 +15,7 @@ from semsfm_colmap.colmap.options import ExportOptions, SiftOptions
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.matching.options import MatchingOptions
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.surface.options import SurfaceOptions
@@ -36,6 +37,8 @@ class Config:
     """Joining matches"""
     factorization: FactorizationOptions = field(default_factory=FactorizationOptions)
     """Initial cameras"""
+    guided: GuidedOptions = field(default_factory=GuidedOptions)
+    """Second pass with the first model"""
     refinement: RefinementOptions = field(default_factory=RefinementOptions)
     """Filtering, bundle adjustment, hand"""
     export: ExportOptions = field(default_factory=ExportOptions)

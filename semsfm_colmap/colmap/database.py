@@ -187,3 +187,57 @@ def read_inlier_matches(path: Path) -> dict[ImagePair, Int]:
         if len(rows):
             result[_image_pair(p)] = rows.reshape(-1, 2)
     return result
+
+
+def replace_appended_keypoints(
+    path: Path,
+    keypoints: Mapping[int, tuple[int, Array]],
+    geometries: Mapping[ImagePair, tuple[Float, Array]],
+) -> None:
+    """Put keypoints behind the measured ones, and their verified matches beside the others.
+
+    What stood there from an earlier call is replaced; all in one transaction. The appended
+    keypoints have no descriptors: they were found by a model, not by comparing descriptors.
+
+    Parameters
+    ----------
+    keypoints : image id -> how many are measured, and the places (K, 2) to put behind them
+    geometries : pair of image ids, the smaller first -> F, matches (L, 2) of appended keypoints
+
+    """
+    configuration = pycolmap.TwoViewGeometryConfiguration
+    num_measured = {image_id: number for image_id, (number, _) in keypoints.items()}
+    with open_database(path) as db, pycolmap.DatabaseTransaction(db):
+        for image_id, (number, xy) in keypoints.items():
+            stored = np.asarray(db.read_keypoints(image_id), dtype=np.float32)[:number]
+            if len(xy) == 0 and db.num_keypoints_for_image(image_id) == number:
+                continue
+            added = np.zeros((len(xy), stored.shape[1]), dtype=np.float32)
+            added[:, :2] = xy
+            # a circle of one pixel: as a scale, or as an affine shape
+            added[:, [2] if stored.shape[1] == 4 else [2, 5] if stored.shape[1] == 6 else []] = 1.0
+            db.update_keypoints(image_id, np.concatenate([stored, added]))
+        pair_ids, known = db.read_two_view_geometries()
+        for pair_id, geometry in zip(pair_ids, known, strict=True):
+            a, b = _image_pair(pair_id)
+            rows = np.asarray(geometry.inlier_matches, dtype=np.int64).reshape(-1, 2)
+            measured = (rows[:, 0] < num_measured.get(a, np.inf)) & (
+                rows[:, 1] < num_measured.get(b, np.inf)
+            )
+            if measured.all():
+                continue
+            if measured.any():
+                geometry.inlier_matches = rows[measured].astype(np.uint32)
+                db.update_two_view_geometry(a, b, geometry)
+            else:
+                db.delete_two_view_geometry(a, b)
+        for (a, b), (F, rows) in geometries.items():
+            # a pair that verification gave up is there too, without matches
+            exists = db.exists_two_view_geometry(a, b)
+            geometry = db.read_two_view_geometry(a, b) if exists else pycolmap.TwoViewGeometry()
+            known = np.asarray(geometry.inlier_matches, dtype=np.int64).reshape(-1, 2)
+            geometry.config = int(configuration.UNCALIBRATED)
+            geometry.F = F
+            geometry.inlier_matches = np.concatenate([known, rows]).astype(np.uint32)
+            write = db.update_two_view_geometry if exists else db.write_two_view_geometry
+            write(a, b, geometry)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.factorization.degeneracy import diagnose_rank
+from semsfm_colmap.factorization.degeneracy import RankDiagnosis, diagnose_rank
 from semsfm_colmap.factorization.factorize import factorize, find_parts
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.eliminated import SolverOptions
@@ -22,6 +22,7 @@ from semsfm_colmap.geometry.rotations import (
     vector_from_rotation,
 )
 from semsfm_colmap.ingest.tilt import TiltPrior, check_tilt, combine_tilt
+from semsfm_colmap.pipeline.guided import Guide, refine_guided
 from semsfm_colmap.refinement.covariance import Covariance, estimate_covariance
 from semsfm_colmap.refinement.depth_reversal import (
     apply_user_word,
@@ -43,6 +44,7 @@ from semsfm_colmap.refinement.model_choice import (
 )
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, adjust_with_angles, refine
+from semsfm_colmap.tracks.diagnosis import diagnose_tracks
 from semsfm_colmap.types import Float, Int, Observations, Reconstruction, Solution
 
 GAUGE = (
@@ -62,6 +64,8 @@ RELIABILITY = (
     "scan_drift",
 )
 """Diagnostics that say how far to trust a model."""
+EQUAL_TILTS_DEG = 0.1
+"""Recorded tilts that differ by less are equal: stages are read to 0.1 deg at best."""
 SMALL_ROTATION_DEG = 15.0
 """Below this total rotation the angle is seen in second order only."""
 
@@ -75,6 +79,8 @@ class MappedPart:
     """the depth-reversed model, where the evidence does not decide"""
     rounds: tuple[dict[str, Any], ...]
     diagnostics: dict[str, Any]
+    guided: bool = False
+    """True when the observations are those of the guided pass, not the database's keypoints"""
 
     @property
     def reliability(self) -> dict[str, Any]:
@@ -92,6 +98,7 @@ def map_observations(
     pixel_size_um: float | None = None,
     pixel_size_source: str = "none",
     tilt: TiltPrior | None = None,
+    guide: Guide | None = None,
     seed: int = 0,
     note: Callable[[str], None] | None = None,
 ) -> Solution[list[MappedPart]]:
@@ -101,6 +108,7 @@ def map_observations(
     ----------
     observations : sorted by track; images numbered as `image_names`
     tilt : known angles; used as a prior where the images do not contradict them
+    guide : the images, for a second pass that looks for every point in every image
     note : called with a sentence after each step
 
     Returns
@@ -111,29 +119,18 @@ def map_observations(
     say = note or (lambda sentence: None)
     rng = np.random.default_rng(seed)
     parts = find_parts(observations, factorization)
-    longest = int(np.max(np.bincount(observations.track_idx), initial=0))
-    if not parts and longest == 2:
-        return Solution(
-            value=None,
-            status="tracks_of_length_two",
-            message="every track is seen in two images only, and two orthographic views leave a "
-            "one-parameter family of shapes; match more pairs so that three images share tracks",
-        )
+    tracks = diagnose_tracks(observations)
     if not parts:
-        return Solution(
-            value=None,
-            status="no_overlap",
-            message=f"no three images share {factorization.min_block_tracks} tracks: the images "
-            "do not overlap, or they show too little texture to be matched; use smaller tilt "
-            "steps or check that all images show the same specimen",
-        )
+        status, message = tracks.failure(factorization.min_block_tracks)
+        return Solution(value=None, status=status, message=message)
     mapped: list[MappedPart] = []
     failure: Solution[list[MappedPart]] | None = None
     for part in parts:
         rank = diagnose_rank(part.blocks)
         if rank.status != "ok":
+            status, message = without_depth(rank, tilt, [image_names[i] for i in part.images])
             failure = failure or Solution(
-                value=None, status=rank.status, message=rank.message, diagnostics=asdict(rank)
+                value=None, status=status, message=message, diagnostics=asdict(rank)
             )
             continue
         start = factorize(part, observations, factorization, rng)
@@ -167,21 +164,31 @@ def map_observations(
                 value=None, status=refined.status, message=refined.message
             )
             continue
-        value, tilt_figures, tilt_notes = with_known_tilt(
-            refined.value, image_names, refinement, tilt
-        )
+        first, used = refined.value, observations
+        value, figures = first, {}
+        if guide is not None and guide.options.enabled:
+            second = refine_guided(
+                first, observations, guide, refinement, rng=rng, seed=seed, say=say
+            )
+            if second is None:
+                say("guided pass: it finds less than is known already, and was left out")
+            else:
+                value, used = second.refined, second.observations
+                figures = {"guided": second.figures}
+        value, tilt_figures, tilt_notes = with_known_tilt(value, image_names, refinement, tilt)
         mapped.append(
             finish(
                 value,
-                observations,
+                used,
                 image_names,
                 image_size_px,
                 refinement,
                 pixel_size_um,
                 pixel_size_source,
-                {**start.diagnostics, **tilt_figures},
+                {**start.diagnostics, **figures, **tilt_figures},
                 tilt_notes,
                 tilt,
+                first,
             )
         )
         say(mapped[-1].reconstruction.depth_sign.message)
@@ -189,7 +196,35 @@ def map_observations(
         assert failure is not None
         return failure
     mapped.sort(key=lambda p: -p.reconstruction.num_images)
-    return Solution(value=mapped)
+    notes = tracks.notes(image_names)
+    mapped[0].diagnostics["notes"].extend(notes.values())
+    if mapped[0].diagnostics["total_rotation_deg"] < SMALL_ROTATION_DEG:
+        notes["small_rotation"] = ""
+    if len(mapped) > 1:
+        notes["several_parts"] = ""
+    # "ok", or what is to be said of the series, its sentences among the notes
+    return Solution(value=mapped, status=", ".join(notes) or "ok")
+
+
+def without_depth(rank: RankDiagnosis, tilt: TiltPrior | None, names: list[str]) -> tuple[str, str]:
+    """Status and sentence of a part whose images show no depth; recorded tilts may say why."""
+    if tilt is not None and rank.status == "pure_translation":
+        known = np.rad2deg(known_tilts(tilt, names)[0])
+        known = known[np.isfinite(known)]
+        span = float(np.ptp(known)) if len(known) > 1 else np.nan
+        if span < EQUAL_TILTS_DEG:
+            return (
+                "equal_tilts",
+                "the images show no depth: they were all recorded at the same tilt of "
+                f"{np.mean(known):.1f} deg ({tilt.source}); tilt the specimen between the images",
+            )
+        if span < SMALL_ROTATION_DEG:
+            return (
+                "tilt_too_small",
+                f"the images show no depth: the recorded tilts ({tilt.source}) span {span:.1f} deg "
+                "only, and what they would show is hidden in the noise; tilt further",
+            )
+    return rank.status, rank.message
 
 
 def finish(
@@ -203,8 +238,13 @@ def finish(
     diagnostics: dict[str, Any],
     tilt_notes: list[str],
     tilt: TiltPrior | None,
+    first: Refined,
 ) -> MappedPart:
-    """Error bars, hand, gauge and world unit of a refined part."""
+    """Error bars, hand, gauge and world unit of a refined part.
+
+    The hand is judged on the `first` model: what its tracks see is what matching found by itself,
+    a guided pass sees what the model says should be seen.
+    """
     covariance = estimate_covariance(
         refined.model, refined.state, refined.observations, refined.sigma_px
     ).value
@@ -216,7 +256,9 @@ def finish(
     if "leave_one_out" in figures:
         numbers = figures["leave_one_out"]["images"]
         figures["leave_one_out"]["images"] = [image_names[refined.images[k]] for k in numbers]
-    cues = visibility_cues(cameras, points, refined.observations, sizes)
+    cues = visibility_cues(
+        first.cameras, first.points, first.observations, image_size_px[first.images]
+    )
     if tilt is not None and options.receding_edge != "unknown":
         known, sigma = known_tilts(tilt, [image_names[i] for i in refined.images])
         cues["known tilt"] = known_tilt_cue(
@@ -280,7 +322,8 @@ def finish(
     return MappedPart(
         reconstruction=reconstruction,
         twin=twin,
-        rounds=tuple(asdict(r) for r in refined.rounds),
+        rounds=tuple(asdict(r) for r in first.rounds),
+        guided="guided" in diagnostics,
         diagnostics={
             **diagnostics,
             **figures,
@@ -321,8 +364,8 @@ def with_known_tilt(
     figures = {
         "source": tilt.source,
         "consistent": check.consistent,
-        "factor": check.factor,
-        "tolerance": check.tolerance,
+        "factor": None if np.isnan(check.factor) else check.factor,
+        "tolerance": None if np.isnan(check.tolerance) else check.tolerance,
     }
     known = angle_prior(*known_tilts(tilt, names))
     covariance = estimate_covariance(

@@ -19,7 +19,7 @@ from semsfm_colmap.pipeline.record import (
 )
 from semsfm_colmap.pipeline.reporter import Reporter
 
-STAGE_FORMAT = "1"
+STAGE_FORMAT = "2"
 """Raise it when a stage's results change for unchanged options: old projects are recomputed."""
 
 
@@ -56,9 +56,9 @@ STAGES = (
     ),
     Stage(
         name="map",
-        sections=("tracks", "factorization", "refinement", "export"),
+        sections=("tracks", "factorization", "guided", "refinement", "export"),
         outputs=lambda p: [p.sparse / "0" / "points3D.bin", p.sparse / "0" / "orthographic.json"],
-        run=lambda p, c, r, record, fresh: stages.map_(p, c, r),
+        run=lambda p, c, r, record, fresh: stages.map_(p, c, r, record),
     ),
     Stage(
         name="densify",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from semsfm_colmap.types import Float, Int, Observations, SemSeries
 
 if TYPE_CHECKING:
     from semsfm_colmap.colmap.database import DatabaseImage
+    from semsfm_colmap.pipeline.guided import Guide
     from semsfm_colmap.pipeline.mapping import MappedPart
 
 Summary = dict[str, Any]
@@ -62,6 +63,8 @@ def map_series(
     *,
     sparse_path: Path,
     image_path: Path | None,
+    guide: Guide | None = None,
+    write_guided: Callable[[Mapping[str, Float], Sequence[MappedPart]], None] | None = None,
 ) -> Summary:
     """Cameras and points into ``sparse_path/0`` (and the twin or further parts); the summary.
 
@@ -70,9 +73,11 @@ def map_series(
     keypoints : (K, 2) px of each image, all of them: what the model's images hold
     database_images : the ids the model takes over
     image_path : for the colours of the points; None leaves them grey
+    guide, write_guided : the images for the guided pass, and where the keypoints it adds are put
 
     """
     from semsfm_colmap.ingest.tilt import tilt_prior
+    from semsfm_colmap.pipeline.guided import append_keypoints
     from semsfm_colmap.pipeline.mapping import map_observations
 
     reporter.say(
@@ -88,19 +93,21 @@ def map_series(
         pixel_size_um=series.pixel_size_um,
         pixel_size_source=series.pixel_size_source,
         tilt=tilt_prior(series, config.ingest),
+        guide=guide,
         seed=config.seed,
         note=reporter.detail,
     )
     if solution.value is None:
         raise InputError(solution.message)
-    models = write_parts(
-        solution.value, sparse_path, database_images, dict(keypoints), config, image_path
-    )
-    main = solution.value[0]
+    parts, all_keypoints = append_keypoints(solution.value, keypoints)
+    if write_guided is not None:
+        write_guided(all_keypoints, parts)
+    models = write_parts(parts, sparse_path, database_images, all_keypoints, config, image_path)
+    main = parts[0]
     notes = [
         main.reconstruction.depth_sign.message,
         *main.diagnostics["notes"],
-        *part_notes(solution.value, models, series.names),
+        *part_notes(parts, models, series.names),
     ]
     r = main.reconstruction
     residuals = r.residuals()[r.inlier]

@@ -6,7 +6,7 @@ A stage returns a summary for run.json; the report is made from these summaries 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +18,7 @@ from semsfm_colmap.config import Config
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.record import RunRecord, versions
 from semsfm_colmap.pipeline.reporter import Reporter
-from semsfm_colmap.types import Reconstruction, SemSeries
+from semsfm_colmap.types import Float, Observations, Reconstruction, SemSeries
 
 Summary = dict[str, Any]
 
@@ -182,41 +182,66 @@ def match_exactly(
         progress(len(pairs) - len(todo) + done, len(pairs))
 
 
-def build_observations(project: Project, config: Config, names: tuple[str, ...]) -> Any:
-    """Verified matches of the database -> Observations, with the counts of the joining."""
+def build_observations(
+    project: Project,
+    config: Config,
+    names: tuple[str, ...],
+    num_measured: Mapping[str, int] | None = None,
+) -> tuple[Observations, dict[str, int], dict[str, Float]]:
+    """Verified matches of the database -> Observations, counts of the joining, keypoints by name.
+
+    Parameters
+    ----------
+    num_measured : how many of each image's keypoints were extracted; those after them were added by
+        an earlier guided pass and are left out
+
+    """
     from semsfm_colmap.colmap.database import read_images, read_inlier_matches, read_keypoints
     from semsfm_colmap.pipeline.sparse_models import join_matches
 
     id_of = {image.name: image.image_id for image in read_images(project.database)}
     ids = [id_of[name] for name in names]
     number = {image_id: i for i, image_id in enumerate(ids)}
-    keypoints = read_keypoints(project.database, ids)
-    matches = {
-        (number[a], number[b]): rows
-        for (a, b), rows in read_inlier_matches(project.database).items()
-        if a in number and b in number
-    }
-    observations, counts = join_matches([keypoints[k] for k in ids], matches, config)
-    return observations, counts, {name: keypoints[k] for name, k in zip(names, ids, strict=True)}
+    stored = read_keypoints(project.database, ids)
+    measured = num_measured or {}
+    keypoints = [stored[k][: measured.get(name)] for k, name in zip(ids, names, strict=True)]
+    matches = {}
+    for (a, b), rows in read_inlier_matches(project.database).items():
+        if a in number and b in number:
+            i, j = number[a], number[b]
+            known = (rows[:, 0] < len(keypoints[i])) & (rows[:, 1] < len(keypoints[j]))
+            matches[i, j] = rows[known]
+    observations, counts = join_matches(keypoints, matches, config)
+    return observations, counts, dict(zip(names, keypoints, strict=True))
 
 
-def map_(project: Project, config: Config, reporter: Reporter) -> Summary:
-    """Verified matches -> sparse/0 (and the twin or further parts)."""
+def map_(project: Project, config: Config, reporter: Reporter, record: RunRecord) -> Summary:
+    """Verified matches -> sparse/0 (and the twin or further parts); guided matches -> database."""
     from semsfm_colmap.colmap.database import read_images
+    from semsfm_colmap.pipeline.guided import guide_from_folders
+    from semsfm_colmap.pipeline.guided_database import write_guided
     from semsfm_colmap.pipeline.sparse_models import map_series
 
     series = read_project_series(project)
-    observations, counts, keypoints = build_observations(project, config, series.names)
+    measured = record.stages.get("extract", {}).get("summary", {}).get("num_keypoints", {})
+    observations, counts, keypoints = build_observations(project, config, series.names, measured)
+    images = {image.name: image for image in read_images(project.database)}
     return map_series(
         series,
         keypoints,
-        {image.name: image for image in read_images(project.database)},
+        images,
         observations,
         counts,
         config,
         reporter,
         sparse_path=project.sparse,
         image_path=project.images,
+        guide=guide_from_folders(
+            project.images, project.masks_or_none, series.names, config.guided
+        ),
+        write_guided=lambda extended, parts: write_guided(
+            project.database, images, keypoints, extended, parts, config.matching.min_num_inliers
+        ),
     )
 
 

@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.geometry.normals import sampling_distance
 from semsfm_colmap.surface.cloud import MIN_CLOUD_POINTS, smooth_along_normals, thin
-from semsfm_colmap.surface.normals import sampling_distance
 from semsfm_colmap.surface.open3d_import import import_open3d
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.repair import compact, repair, vertex_normals

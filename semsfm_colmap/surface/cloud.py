@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.surface.normals import (
+from semsfm_colmap.geometry.normals import (
     estimate_normals,
     mean_viewing_direction,
     nearest_neighbors,

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.geometry.normals import statistical_inliers
 from semsfm_colmap.surface.cloud import dominant_layer, select, smooth_along_normals
 from semsfm_colmap.surface.consistency import camera_normals, depth_map_unit, vote
-from semsfm_colmap.surface.normals import statistical_inliers
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.rasters import raster_reader
 from semsfm_colmap.surface.views import choose_neighbors
@@ -250,7 +250,7 @@ def _large_islands(points: Float, radius: float, min_fraction: float) -> Bool:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    from semsfm_colmap.surface.normals import nearest_neighbors
+    from semsfm_colmap.geometry.normals import nearest_neighbors
 
     distance, idx = nearest_neighbors(points, 8)
     row = np.repeat(np.arange(len(points)), idx.shape[1])

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.geometry.normals import sampling_distance
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.surface.normals import sampling_distance
 from semsfm_colmap.surface.open3d_import import import_open3d
 from semsfm_colmap.surface.repair import face_normals, vertex_normals
 from semsfm_colmap.types import Array, Float, PointCloud, TriangleMesh

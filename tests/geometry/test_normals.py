@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.surface.normals import (
+from semsfm_colmap.geometry.normals import (
     estimate_normals,
     mean_viewing_direction,
     nearest_neighbors,
@@ -14,6 +13,7 @@ from semsfm_colmap.surface.normals import (
     sampling_distance,
     statistical_inliers,
 )
+from semsfm_colmap.geometry.rotations import rotation_from_vector
 from tests.surface.scene import RADIUS, ball_points, reconstruction_of, turning_cameras
 
 

@@ -1,0 +1,38 @@
+"""Options of the guided second pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuidedOptions:
+    """After a first map every point is looked for in every image that should see it, by aligning
+    its patch under the predicted affine warp: tracks grow and join, their places become finer.
+    """
+
+    enabled: bool = True
+    """Do the second pass."""
+    rounds: int = 2
+    """Passes, each from the model that the one before has led to: the first aligns what is known,
+    the others look everywhere."""
+    patch_radius_px: int = 5
+    """Half width of the aligned patch."""
+    window_sigma_px: float = 2.5
+    """Standard deviation of its Gaussian window."""
+    high_pass_px: float = 0.0
+    """Structure much coarser than this many px is taken out before alignment: coarse brightness is
+    shading, which moves over a specimen that turns. 0: the finest that the images bear."""
+    max_view_angle_deg: float = 65.0
+    """A point is looked for where its surface is seen at up to this angle."""
+    max_baseline_deg: float = 60.0
+    """A patch is compared with views at up to this angle from its reference view."""
+    max_shift_px: float = 2.0
+    """How far from its predicted place a patch may be found."""
+    min_correlation: float = 0.75
+    """Smallest normalised cross-correlation of an aligned patch."""
+    min_separation_px: float = 1.5
+    """Of two tracks that lie closer than this in two images the shorter is dropped: they show the
+    same spot."""
+    min_track_length: int = 3
+    """Shorter tracks are not kept."""
