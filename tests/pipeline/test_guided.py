@@ -1,4 +1,4 @@
-"""The guided second pass on a project: longer tracks in the model, and the database to go with it."""
+"""The guided second pass on a project: longer tracks, and the database to go with them."""
 
 import shutil
 
