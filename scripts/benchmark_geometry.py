@@ -328,8 +328,8 @@ def table_outliers(data: Path, quick: bool) -> str:
             )
             print(rows[-1], flush=True)
     return (
-        "6 series a row of 60 frames, 16 of the others. A wrong observation stands in the place of a right one, so wrong "
-        "ones both mislead and are missing. *To the oracle*: against the same right observations "
+        "6 series a row of 60 frames, 16 of the others. A wrong observation stands in the place "
+        "of a right one, so wrong ones both mislead and are missing. *To the oracle*: against the same right observations "
         "alone, what the wrong ones spoil. *To clean*: against the series before any was replaced; "
         "what is missing counts, and no method brings it back.\n\n"
         + markdown(
@@ -539,9 +539,10 @@ def table_colmap(data: Path, quick: bool) -> str:
         "The same verified matches (images up to ten apart) in one database: through this "
         "program's tracks, factorization and refinement, and through "
         "`pycolmap.incremental_mapping` with a fixed focal length of 1e5 px and the filter on "
-        "focal lengths raised. RMS over the series of the rotation error in degrees and of the "
-        "median point error relative to the size of the object; of COLMAP's model the better hand counts. Seconds are medians, without verifying "
-        "the matches, and ours include reading the database and joining the tracks.\n\n"
+        "focal lengths raised. RMS over the series of the rotation error in degrees and of "
+        "the median point error relative to the size of the object; of COLMAP's model the "
+        "better hand counts. Seconds are medians, without verifying the matches, and ours "
+        "include reading the database and joining the tracks.\n\n"
         + markdown(
             [
                 "frames / range",
