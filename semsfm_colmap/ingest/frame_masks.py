@@ -15,7 +15,7 @@ import numpy as np
 from semsfm_colmap.ingest.foreground import MIN_TEXTURE_KEPT, find_foreground, texture_kept
 from semsfm_colmap.ingest.masks import given_mask
 from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.ingest.overlay import Overlay
+from semsfm_colmap.ingest.overlay import GROW_PX, Overlay
 from semsfm_colmap.ingest.scan import SourceImage
 from semsfm_colmap.ingest.static import find_static, reduced
 from semsfm_colmap.ingest.wording import abbreviate
@@ -28,6 +28,14 @@ class MaskEffect:
 
     area: float
     texture: float
+
+
+def grown(drawn: Bool) -> Bool:
+    """A mask of writing with a margin: features beside it would see it."""
+    import cv2
+
+    window = np.ones((2 * GROW_PX + 1,) * 2, np.uint8)
+    return np.asarray(cv2.dilate(drawn.astype(np.uint8), window) > 0)
 
 
 class SeriesMasks:
@@ -46,12 +54,19 @@ class SeriesMasks:
         self.small: dict[str, Array] = {}
         self.effects: dict[str, MaskEffect] = {}
         self.given: set[str] = set()
+        self.coloured: list[str] = []
         self.no_foreground: dict[str, str] = {}
         self.warnings: list[str] = []
 
-    def add(self, image: SourceImage, name: str, grey: Array) -> list[str]:
-        """Take a prepared image in; returns sentences about its given mask."""
+    def add(
+        self, image: SourceImage, name: str, grey: Array, coloured: Bool | None = None
+    ) -> list[str]:
+        """Take a prepared image in; returns sentences about its given mask.
+
+        `coloured` is True where colour is drawn into the source image.
+        """
         usable = np.ones(grey.shape, dtype=bool)
+        x0, y0, x1, y1 = image.crop
         warnings = []
         if self.given_folder is not None:
             mask, problem = given_mask(self.given_folder, image, self.options)
@@ -61,8 +76,12 @@ class SeriesMasks:
                 self.given.add(name)
         overlay = self.overlays.get(image.size)
         if overlay is not None:
-            x0, y0, x1, y1 = image.crop
             usable &= ~overlay.writing[y0:y1, x0:x1]
+        if coloured is not None and self.options.masks != "off":
+            drawn = grown(coloured[y0:y1, x0:x1])
+            if drawn.any():
+                usable &= ~drawn
+                self.coloured.append(name)
         if self.options.masks in ("foreground", "auto") and name not in self.given:
             found = find_foreground(grey)
             if found.mask is None:
@@ -138,6 +157,10 @@ class SeriesMasks:
             reasons = sorted(set(self.no_foreground.values()))
             self.warnings.append(
                 f"{abbreviate(list(self.no_foreground))}: no automatic mask ({reasons[0]})."
+            )
+        if self.coloured:
+            self.warnings.append(
+                f"{abbreviate(self.coloured)}: what is drawn in colour over the image is masked."
             )
         if self.overlays:
             part = max(float(overlay.writing.mean()) for overlay in self.overlays.values())

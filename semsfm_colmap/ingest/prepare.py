@@ -175,7 +175,7 @@ def _prepare_image(
     )
     write_atomic(project_path / "images" / name, content)
     record.grey_range[name] = grey_range
-    problems = masks.add(image, name, np.asarray(grey))
+    problems = masks.add(image, name, np.asarray(grey), raw.coloured)
     return SemFrame(
         name=name,
         width_px=x1 - x0,

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.ingest.colour import drawn_colour
 from semsfm_colmap.ingest.header import ImageHeader, UnreadableImageError
 from semsfm_colmap.ingest.tiff import decode_tiff, tiff_header
 from semsfm_colmap.ingest.wording import one_line
@@ -52,6 +53,8 @@ class RawImage:
     """True when the file already holds these very pixels as 8-bit grey."""
     invalid: Array | None = None
     """(H, W) True where the file holds nan or infinity; None if nowhere."""
+    coloured: Array | None = None
+    """(H, W) True where colour is drawn into a grey image; None if nowhere."""
 
 
 def read_header(path: Path, max_pixels: int) -> ImageHeader:
@@ -110,6 +113,7 @@ def read_pixels(path: Path, header: ImageHeader) -> RawImage:
             f"the pixels cannot be decoded ({_short(error)}); the file is damaged or truncated."
         ) from error
     grey = _to_grey(array)
+    coloured = drawn_colour(array, lossy=header.format == "jpeg")
     if grey.shape != (header.height, header.width):
         raise UnreadableImageError(
             f"{grey.shape[::-1]} pixels were decoded but the header says "
@@ -126,8 +130,9 @@ def read_pixels(path: Path, header: ImageHeader) -> RawImage:
     if header.orientation != 1:
         grey = _oriented(grey, header.orientation)
         invalid = None if invalid is None else _oriented(invalid, header.orientation)
+        coloured = None if coloured is None else _oriented(coloured, header.orientation)
         plain = False
-    return RawImage(pixels=grey, header=header, plain=plain, invalid=invalid)
+    return RawImage(pixels=grey, header=header, plain=plain, invalid=invalid, coloured=coloured)
 
 
 def suffix_matches(path: Path, header: ImageHeader) -> bool:

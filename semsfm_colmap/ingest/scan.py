@@ -11,7 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.ingest.colour import coloured_databar
 from semsfm_colmap.ingest.databar import (
+    MAX_FRACTION,
+    MIN_ROWS,
     agree_on_databar,
     find_databar,
     looks_drawn,
@@ -228,6 +231,8 @@ def _databar_row(raw: RawImage, reading: MetadataReading) -> tuple[int | None, s
     """The databar's first row from the pixels, checked against what the vendor says."""
     lossy = raw.header.format == "jpeg"
     seen = find_databar(raw.pixels, lossy=lossy)
+    if seen is None and raw.coloured is not None:
+        seen = coloured_databar(raw.coloured, MIN_ROWS, MAX_FRACTION)
     said = reading.image_rows
     if said is None and reading.databar_rows is not None:
         # The bar may have been cut off since: believe the number only if the rows look drawn.

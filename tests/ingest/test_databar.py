@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from semsfm_colmap.ingest.colour import drawn_colour
 from semsfm_colmap.ingest.databar import agree_on_databar, find_databar, looks_drawn
+from semsfm_colmap.ingest.frame_masks import grown
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.overlay import ConstantPixels, find_overlay
 from semsfm_colmap.ingest.prepare import prepare_series
@@ -179,6 +181,80 @@ def test_a_databar_without_edge_on_clipped_black_is_found_from_many_frames(
     series = prepare_series(folder, tmp_path / "p", IngestOptions())
     (crop,) = {frame.crop_px for frame in series.frames}
     assert 136 <= crop[3] <= 142  # above the first writing, below the specimen
+
+
+# Colour.
+
+
+def in_colour(image: np.ndarray, colour: tuple[int, int, int] = (255, 230, 0)) -> np.ndarray:
+    """Grey stored as RGB with an annotation in one colour: an arrow, a frame, a label."""
+    out = np.repeat(image[..., None], 3, axis=2)
+    out[30:33, 40:120] = colour
+    out[20:60, 150:152] = out[20:60, 180:182] = colour
+    out[20:22, 150:182] = out[58:60, 150:182] = colour
+    out[40:50, 60:100:4] = colour
+    return out
+
+
+ANNOTATION = in_colour(np.zeros((160, 200), np.uint8)).max(axis=2) > 0
+
+
+@pytest.mark.parametrize("colour", [(255, 230, 0), (0, 255, 0), (90, 20, 20), (60, 120, 255)])
+def test_what_is_drawn_in_colour_is_found_in_one_image(colour: tuple[int, int, int]) -> None:
+    found = drawn_colour(in_colour(texture(1), colour), lossy=False)
+    assert found is not None
+    np.testing.assert_array_equal(found, ANNOTATION)
+
+
+@pytest.mark.parametrize("quality", [80, 95])
+def test_colour_survives_jpeg(tmp_path: Path, quality: int) -> None:
+    path = save(tmp_path / "a.jpg", in_colour(texture(1), (255, 0, 0)), quality=quality)
+    found = read_pixels(path, read_header(path, 10**9)).coloured
+    assert found is not None
+    assert found[ANNOTATION].mean() > 0.6
+    assert not found[~grown(grown(grown(ANNOTATION)))].any()
+
+
+def test_photographs_tints_and_grey_have_nothing_drawn_in_colour() -> None:
+    grey = np.repeat(texture(1)[..., None], 3, axis=2)
+    assert drawn_colour(grey, lossy=False) is None
+    assert drawn_colour(texture(1), lossy=False) is None
+    rng = np.random.default_rng(0)
+    photograph = np.clip(in_colour(texture(1)) + rng.integers(-3, 4, (160, 200, 3)), 0, 255)
+    assert drawn_colour(photograph.astype(np.uint8), lossy=False) is None
+    tinted = grey.astype(float)
+    rows, columns = np.indices((160, 200))
+    disc = (rows - 80) ** 2 + (columns - 90) ** 2 < 50**2  # coloured by hand
+    tinted[disc] *= (1.0, 0.7, 0.3)
+    assert drawn_colour(tinted.astype(np.uint8), lossy=False) is None
+    false = np.stack([texture(1), 255 - texture(1), np.zeros_like(texture(1))], axis=2)
+    assert drawn_colour(false, lossy=False) is None
+
+
+def test_annotations_in_colour_are_masked_and_said(folder: Path, tmp_path: Path) -> None:
+    for i in range(3):
+        save(folder / f"{i}.png", in_colour(texture(i)) if i == 1 else texture(i))
+    series = prepare_series(folder, tmp_path / "p", IngestOptions())
+    (mask,) = (tmp_path / "p/masks").iterdir()
+    assert mask.name == "1.png.png"
+    raw = read_pixels(mask, read_header(mask, 10**9)).pixels
+    np.testing.assert_array_equal(raw == 0, grown(ANNOTATION))
+    assert "1.png: what is drawn in colour over the image is masked." in series.warnings
+    prepare_series(folder, tmp_path / "q", IngestOptions(masks="off"))
+    assert not (tmp_path / "q/masks").exists()
+
+
+def test_a_coloured_databar_without_exact_background_is_found(folder: Path, tmp_path: Path) -> None:
+    for i in range(3):
+        image = np.repeat(texture(i)[..., None], 3, axis=2)
+        ramp = np.repeat(np.arange(60, 130, 7), 20).astype(np.uint8)  # in ten steps of blue
+        image[136:, :, 0], image[136:, :, 1], image[136:, :, 2] = 10, ramp // 2, ramp
+        image[142:150, 10:100:5] = 255
+        assert find_databar(image.mean(axis=2)) is None
+        save(folder / f"{i}.png", image)
+    series = prepare_series(folder, tmp_path / "p", IngestOptions())
+    assert {frame.crop_px for frame in series.frames} == {(0, 0, 200, 136)}
+    assert not list((tmp_path / "p").glob("masks/*"))
 
 
 # Scale bars.
