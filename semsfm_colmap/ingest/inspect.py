@@ -192,6 +192,8 @@ def _far_overlaps(features: list[ReducedFeatures]) -> list[Overlap]:
 def _flagged(rows: list[InspectionRow]) -> Answer:
     words = ("blurred", "charged", "drifted", "moved", "out of order", "brightness", "shares no")
     flagged = [row for row in rows if any(w.startswith(words) for w in row.warnings)]
+    if not rows:
+        return Answer(question="frames in order", answer="unknown", reason="no image is usable")
     if not flagged:
         return Answer(question="frames in order", answer="yes", reason="none looks charged, "
                       "blurred or drifted")  # fmt: skip

@@ -175,6 +175,13 @@ def test_the_number_of_images_is_judged(folder: Path, count: int, expected: str)
     assert answer(inspect_images(folder, OPTIONS), "enough images") == expected
 
 
+def test_without_a_usable_image_nothing_is_called_in_order(folder: Path) -> None:
+    save(folder / "0.png", np.zeros((160, 200), np.uint8))
+    inspection = inspect_images(folder, OPTIONS)
+    assert answer(inspection, "frames in order") == "unknown"
+    assert answer(inspection, "enough images") == "no"
+
+
 def test_an_empty_folder_is_an_input_error(folder: Path) -> None:
     with pytest.raises(InputError, match="no images in"):
         inspect_images(folder, OPTIONS)
