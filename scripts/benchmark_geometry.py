@@ -329,7 +329,8 @@ def table_outliers(data: Path, quick: bool) -> str:
             print(rows[-1], flush=True)
     return (
         "6 series a row of 60 frames, 16 of the others. A wrong observation stands in the place "
-        "of a right one, so wrong ones both mislead and are missing. *To the oracle*: against the same right observations "
+        "of a right one, so wrong ones both mislead and are missing. *To the oracle*: against the "
+        "same right observations "
         "alone, what the wrong ones spoil. *To clean*: against the series before any was replaced; "
         "what is missing counts, and no method brings it back.\n\n"
         + markdown(
