@@ -97,5 +97,8 @@ def _mark(project: Project, model: int, change: ModelChange) -> None:
     if model == 0:
         for name in DEPENDENT_STAGES:
             if name in record.stages:
-                record.stages[name]["status"] = "stale"
+                record.stages[name] = {
+                    "status": "stale",
+                    "summary": record.stages[name].get("summary", {}),
+                }
     record.write()
