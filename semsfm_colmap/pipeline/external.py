@@ -17,7 +17,7 @@ import numpy as np
 
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, UsageError
-from semsfm_colmap.pipeline.project import Project, locked_folder
+from semsfm_colmap.pipeline.project import MODELS_LOCK_FILE, Project, locked_folder
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.sparse_models import Summary, join_matches, map_series
 from semsfm_colmap.pipeline.stages import threads
@@ -79,7 +79,7 @@ def map_database(
         }
     # the model keeps every keypoint's number; those without a place have no matches by now
     keypoints = [np.nan_to_num(xy, posinf=0.0, neginf=0.0) for xy in keypoints]
-    with locked_folder(output_path):
+    with locked_folder(output_path, MODELS_LOCK_FILE):
         observations, counts = join_matches(keypoints, matches, config)
         return map_series(
             series,

@@ -12,6 +12,10 @@ from semsfm_colmap.errors import UsageError
 FOREIGN = ("database.db", "sparse", "images", "dense", "mesh")
 """Names that another program may have left; they are never overwritten."""
 LOCK_FILE = ".semsfm.lock"
+"""Held while a process works on a project. It marks the folder as ours from the first moment,
+before there is a run.json: a run that is killed while it prepares the images can be repeated."""
+MODELS_LOCK_FILE = ".semsfm-models.lock"
+"""The same in a folder of models, which may hold another program's project besides."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,7 @@ def check_output(project: Project) -> None:
     """Refuse a folder that holds what another program made."""
     if project.path.exists() and not project.path.is_dir():
         raise UsageError(f"{project.path} is a file: give a folder as --output_path")
-    if project.record.is_file():
+    if project.record.is_file() or (project.path / LOCK_FILE).is_file():
         return
     for name in FOREIGN:
         if (project.path / name).exists():
@@ -97,11 +101,11 @@ def check_output(project: Project) -> None:
 
 def locked(project: Project) -> AbstractContextManager[None]:
     """Hold the project for this process; a second one is told so at once."""
-    return locked_folder(project.path)
+    return locked_folder(project.path, LOCK_FILE)
 
 
 @contextmanager
-def locked_folder(path: Path) -> Iterator[None]:
+def locked_folder(path: Path, lock_file: str) -> Iterator[None]:
     """Hold a folder that results are written to; made when it is missing.
 
     The lock file stays: were it removed, a process that has just opened it would hold a lock that
@@ -109,7 +113,7 @@ def locked_folder(path: Path) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
-    lock = FileLock(path / LOCK_FILE)
+    lock = FileLock(path / lock_file)
     try:
         path.mkdir(parents=True, exist_ok=True)
         lock.acquire(timeout=0)
@@ -124,9 +128,9 @@ def locked_folder(path: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        if [entry.name for entry in path.iterdir()] == [LOCK_FILE]:
+        if [entry.name for entry in path.iterdir()] == [lock_file]:
             # nothing came of it: the folder need not have been made
-            (path / LOCK_FILE).unlink()
+            (path / lock_file).unlink()
             lock.release()
             with suppress(OSError):
                 path.rmdir()

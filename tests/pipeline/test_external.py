@@ -20,7 +20,7 @@ from semsfm_colmap.colmap.model import read_model
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.pipeline.external import in_acquisition_order, map_database, verify_database
-from semsfm_colmap.pipeline.project import LOCK_FILE, locked_folder
+from semsfm_colmap.pipeline.project import MODELS_LOCK_FILE, Project, check_output, locked_folder
 from semsfm_colmap.pipeline.reporter import Reporter
 from tests.alignment import best_hand_errors_deg
 from tests.colmap.databases import simulated_content, write_4x, write_38
@@ -207,10 +207,17 @@ def test_a_projects_models_are_left_to_the_project(tmp_path):
 def test_two_processes_on_one_folder_are_told_apart(tmp_path):
     content, _ = simulated_content()
     database = write_38(tmp_path / "d.db", content)
-    with locked_folder(tmp_path / "out"), pytest.raises(UsageError, match="in use by another"):
+    with (
+        locked_folder(tmp_path / "out", MODELS_LOCK_FILE),
+        pytest.raises(UsageError, match="in use by another"),
+    ):
         map_database(database, tmp_path / "out")
     map_database(database, tmp_path / "out")
-    assert (tmp_path / "out" / LOCK_FILE).exists()
+    assert (tmp_path / "out" / MODELS_LOCK_FILE).exists()
+    # which does not make a project of it
+    (tmp_path / "out" / "database.db").touch()
+    with pytest.raises(UsageError, match="was not made by semsfm"):
+        check_output(Project(tmp_path / "out"))
 
 
 def test_a_lock_can_be_held_by_one_only_whoever_comes_when(tmp_path):
@@ -221,7 +228,7 @@ def test_a_lock_can_be_held_by_one_only_whoever_comes_when(tmp_path):
         "folder = pathlib.Path(sys.argv[1]); end = time.monotonic() + 2.0; held = 0\n"
         "while time.monotonic() < end:\n"
         "    try:\n"
-        "        with locked_folder(folder):\n"
+        "        with locked_folder(folder, '.lock'):\n"
         "            (folder / 'held').mkdir()\n"  # fails when somebody else holds it too
         "            held += 1\n"
         "            (folder / 'held').rmdir()\n"

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from semsfm_colmap.colmap.library import pycolmap
+from semsfm_colmap.config import Config
+from semsfm_colmap.pipeline.reconstruct import run_stages
 
 
 def start(images, project):
@@ -53,6 +55,23 @@ def test_a_killed_run_is_finished_by_the_next_one(stage, small_series, small_pro
         assert db.num_images() == 7
         assert db.num_verified_image_pairs() > 6
     assert not [p for p in project.rglob(".*") if p.name.endswith((".part", ".old"))]
+
+
+def test_a_run_that_died_while_it_prepared_the_images_can_be_repeated(
+    small_series, tmp_path, monkeypatch
+):
+    def die(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    images, project = small_series / "images", tmp_path / "p"
+    monkeypatch.setattr("semsfm_colmap.ingest.prepare.write_series", die)
+    with pytest.raises(KeyboardInterrupt):
+        run_stages(project, Config(), names=("ingest",), image_path=images)
+    monkeypatch.undo()
+    assert any((project / "images").iterdir())
+    assert not (project / "run.json").exists()
+    run_stages(project, Config(), names=("ingest",), image_path=images)
+    assert len(list((project / "images").iterdir())) == 7
 
 
 @pytest.mark.slow
