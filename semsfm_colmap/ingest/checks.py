@@ -80,7 +80,7 @@ def check_enough(usable: int, found: int, image_path: Path, problems: Sequence[s
     if usable == 0:
         raise InputError(f"none of the {found} images in {image_path} can be used{said}.")
     raise InputError(
-        f"only {usable}{lost} image{'s' if usable > 1 else ''} in {image_path} can be used{said}: "
+        f"only {usable}{lost} image{'s' if usable > 1 or lost else ''} in {image_path} can be used{said}: "
         "two parallel projections leave a one-parameter family of shapes, so at least three views "
         "are needed."
     )

@@ -8,12 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.ingest.scan import SourceImage
 from semsfm_colmap.ingest.wording import abbreviate
 from semsfm_colmap.types import SemFrame
 
 SAME_MAGNIFICATION = 0.005
 """Relative spread of recorded pixel sizes still called one magnification: they are rounded to 3-4
 digits, and a magnification drifts by up to 0.3 %."""
+
+
+OTHER_MAGNIFICATION = 0.03
+"""Beyond this a view cannot be placed: parallel views are related by their angles only if they have
+one magnification, so the reconstruction allows it to vary by per mills. An image of 0.7 times the
+magnification came out turned by 40 degrees."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +30,34 @@ class SeriesPixelSize:
     um: float | None
     source: str
     warnings: tuple[str, ...] = ()
+
+
+def leave_out_magnifications(
+    images: Sequence[SourceImage], option_um: float | None
+) -> tuple[list[SourceImage], list[str]]:
+    """Keep the images of the magnification that most record; those that record none stay."""
+    sizes = np.array([i.reading.metadata.pixel_size_um or np.nan for i in images])
+    known = sizes[np.isfinite(sizes)]
+    if option_um is not None or len(known) < 2:
+        return list(images), []
+    near = np.abs(known[:, None] / known - 1) <= OTHER_MAGNIFICATION
+    usual = float(np.median(known[near[int(near.sum(axis=1).argmax())]]))
+    other = np.abs(sizes / usual - 1) > OTHER_MAGNIFICATION
+    if not other.any():
+        return list(images), []
+    names = [image.name for image, odd in zip(images, other, strict=True) if odd]
+    least, most = float(sizes[other].min()), float(sizes[other].max())
+    of = (
+        f"{least:.6g} um"
+        if most / least < 1 + SAME_MAGNIFICATION
+        else f"{least:.6g} to {most:.6g} um"
+    )
+    sentence = (
+        f"{abbreviate(names)}: a pixel size of {of} is recorded, but {usual:.6g} um for most "
+        "images, and views of another magnification cannot be placed; give pixel_size_um or a "
+        "table if that is wrong. Left out."
+    )
+    return [image for image, odd in zip(images, other, strict=True) if not odd], [sentence]
 
 
 def series_pixel_size(frames: Sequence[SemFrame], option_um: float | None) -> SeriesPixelSize:

@@ -33,7 +33,7 @@ from semsfm_colmap.ingest.output import (
     write_atomic,
 )
 from semsfm_colmap.ingest.overrides import apply_scale_bar, apply_table
-from semsfm_colmap.ingest.pixel_size import series_pixel_size
+from semsfm_colmap.ingest.pixel_size import leave_out_magnifications, series_pixel_size
 from semsfm_colmap.ingest.prepare_pixels import changes_pixels, prepare_pixels
 from semsfm_colmap.ingest.raster import RawImage, read_pixels
 from semsfm_colmap.ingest.scan import (
@@ -81,6 +81,9 @@ def prepare_series(
     check_enough(len(images), len(found.names), image_path, warnings)
     images, problems = _with_overrides(images, table, options)
     warnings += problems
+    images, problems = leave_out_magnifications(images, options.pixel_size_um)
+    warnings += problems
+    check_enough(len(images), len(found.names), image_path, problems or warnings)
     names = prepared_names(images)
     masks = SeriesMasks(options, find_masks_folder(image_path, options), scan.overlays)
     written = read_written_files(project_path / SERIES_FILE)

@@ -236,15 +236,40 @@ def test_an_image_too_small_for_features_is_left_out(good: Path) -> None:
     assert_left_out(prepare(good), "bad.png", "20 x 20 pixels are too few")
 
 
-def test_mixed_magnifications_go_on_with_one_sentence(folder: Path) -> None:
-    for i in range(4):
-        tag = vendor.fei(pixel_m=2.5e-8 if i else 5e-8)
+def magnified(folder: Path, sizes_um: list[float]) -> Path:
+    for i, um in enumerate(sizes_um):
+        tag = vendor.fei(pixel_m=um * 1e-6)
         vendor.write_tiff(folder / f"{i}.tif", with_databar(texture(i)), {vendor.FEI_HELIOS: tag})
-    series = prepare(folder)
+    return folder
+
+
+def test_another_magnification_is_left_out_in_one_sentence(folder: Path) -> None:
+    series = prepare(magnified(folder, [0.05, 0.025, 0.025, 0.0251, 0.1]))
+    assert series.names == ("1.tif", "2.tif", "3.tif")
     assert series.pixel_size_um == pytest.approx(0.025)
     about = [w for w in series.warnings if "magnification" in w]
-    assert len(about) == 1
-    assert about[0].startswith("0.tif: the recorded pixel size differs")
+    assert about == [
+        "0.tif, 4.tif: a pixel size of 0.05 to 0.1 um is recorded, but 0.025 um for most images, "
+        "and views of another magnification cannot be placed; give pixel_size_um or a table if "
+        "that is wrong. Left out."
+    ]
+
+
+def test_a_slightly_other_magnification_goes_on_with_one_sentence(folder: Path) -> None:
+    series = prepare(magnified(folder, [0.0253, 0.025, 0.025, 0.025]))
+    assert len(series.names) == 4
+    (about,) = [w for w in series.warnings if "magnification" in w]
+    assert about.startswith("0.tif: the recorded pixel size differs")
+
+
+def test_the_user_s_pixel_size_keeps_images_whose_headers_disagree(folder: Path) -> None:
+    options = replace(OPTIONS, pixel_size_um=0.025)
+    assert len(prepare(magnified(folder, [0.05, 0.025, 0.025]), options).names) == 3
+
+
+def test_three_magnifications_in_three_images_are_refused(folder: Path) -> None:
+    with pytest.raises(InputError, match=r"only 1 of 3 images .* another magnification"):
+        prepare(magnified(folder, [0.1, 0.05, 0.025]))
 
 
 def test_equal_names_in_subfolders_stay_apart(folder: Path) -> None:

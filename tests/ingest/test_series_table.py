@@ -102,14 +102,14 @@ def fei_series(folder: Path) -> Path:
 def test_the_table_overrides_the_headers_and_is_named_as_source(
     fei_series: Path, tmp_path: Path
 ) -> None:
-    lines = "".join(f"{i}.tif,{5 * i},{10 * i},{0.1 * i},0.05\n" for i in range(3))
+    lines = "".join(f"{i}.tif,{5 * i},{10 * i},{0.1 * i},0.0255\n" for i in range(3))
     header = "image,tilt_deg,rotation_deg,displacement_um,pixel_size_um\n"
     path = table(tmp_path / "series.csv", header + lines)
     series = prepare_series(fei_series, tmp_path / "p", IngestOptions(series_csv=path))
     second = series.frames[1].metadata
     assert second.tilt_rad == pytest.approx(radians(5))
     assert second.stage_rotation_rad == pytest.approx(radians(10))
-    assert second.pixel_size_um == 0.05
+    assert second.pixel_size_um == 0.0255
     assert second.source["tilt_rad"] == "table series.csv"
     assert second.source["beam_energy_kev"].startswith("FEI")
     untouched = series.frames[3].metadata
@@ -118,7 +118,7 @@ def test_the_table_overrides_the_headers_and_is_named_as_source(
     said = " ".join(series.warnings)
     assert "series.csv has no line for: 3.tif." in said
     assert "the tilts in series.csv differ from those in the files by up to" in said
-    assert "the pixel sizes in series.csv differ from those in the files by up to 100.0%" in said
+    assert "the pixel sizes in series.csv differ from those in the files by up to 2.0%" in said
     again = read_series(tmp_path / "p/series.json")
     assert [f.metadata.displacement_um for f in again.frames] == [0.0, 0.1, 0.2, None]
     assert again.frames[2].metadata.source["displacement_um"] == "table series.csv"
