@@ -64,6 +64,13 @@ RELIABILITY = (
     "scan_drift",
 )
 """Diagnostics that say how far to trust a model."""
+WEAK_GAP = 1.5
+"""Fourth over third eigenvalue of the camera basis constraints: 1.05 for a chain whose slow bending
+noise hides, above 2 for all series that came out right."""
+WEAK_NOTE = (
+    "the tracks tie the series together weakly: over the whole of it the angles may have drifted "
+    "off though neighbours fit; match images further apart, so that tracks last longer"
+)
 EQUAL_TILTS_DEG = 0.1
 """Recorded tilts that differ by less are equal: stages are read to 0.1 deg at best."""
 SMALL_ROTATION_DEG = 15.0
@@ -176,6 +183,8 @@ def map_observations(
                 value, used = second.refined, second.observations
                 figures = {"guided": second.figures}
         value, tilt_figures, tilt_notes = with_known_tilt(value, image_names, refinement, tilt)
+        if start.diagnostics.get("eigenvalue_gap", np.inf) < WEAK_GAP:
+            tilt_notes = [WEAK_NOTE, *tilt_notes]
         mapped.append(
             finish(
                 value,

@@ -9,6 +9,7 @@ from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.geometry.tracks import keep_tracks
 from semsfm_colmap.ingest.tilt import TiltPrior
+from semsfm_colmap.pipeline import mapping
 from semsfm_colmap.pipeline.mapping import map_observations
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import compare_models, held_out_mask
@@ -280,3 +281,11 @@ def test_leaving_one_out_shows_an_image_that_drags_the_others():
         )
         is None
     )
+
+
+def test_a_series_that_hangs_together_weakly_says_so(monkeypatch):
+    obs = field().observations
+    said = [mapped(obs).value[0].diagnostics["notes"]]
+    monkeypatch.setattr(mapping, "WEAK_GAP", np.inf)
+    said.append(mapped(obs).value[0].diagnostics["notes"])
+    assert [any("weakly" in n for n in notes) for notes in said] == [False, True]
