@@ -79,8 +79,9 @@ def check_enough(usable: int, found: int, image_path: Path, problems: Sequence[s
     said = f" ({problems[0]})" if found != usable and problems else ""
     if usable == 0:
         raise InputError(f"none of the {found} images in {image_path} can be used{said}.")
+    images = "images" if usable > 1 or lost else "image"
     raise InputError(
-        f"only {usable}{lost} image{'s' if usable > 1 or lost else ''} in {image_path} can be used{said}: "
+        f"only {usable}{lost} {images} in {image_path} can be used{said}: "
         "two parallel projections leave a one-parameter family of shapes, so at least three views "
         "are needed."
     )
