@@ -230,17 +230,40 @@ def tiny_tiff() -> bytes:
 
 
 def tiny_others() -> list[bytes]:
-    """A small PNG, JPEG and BMP."""
+    """Small images: PNG, JPEG, BMP; colour, palette, 16 bits, floats; turned, big-endian, pages."""
     import io
 
     import numpy as np
+    import tifffile
     from PIL import Image
 
-    image = Image.fromarray(np.arange(48, dtype=np.uint8).reshape(6, 8) * 5)
+    grey = np.arange(48, dtype=np.uint8).reshape(6, 8) * 5
+    colour = np.repeat(grey[..., None], 3, axis=2)
+    colour[:2] = (255, 200, 0)
+    image = Image.fromarray(grey)
+    exif = Image.Exif()
+    exif[274] = 6
     found = []
-    for kind in ("png", "jpeg", "bmp"):
+    for kind, picture in (
+        *((kind, image) for kind in ("png", "jpeg", "bmp")),
+        *(("png", Image.fromarray(colour).convert(mode)) for mode in ("RGB", "RGBA", "P", "1")),
+        ("jpeg", Image.fromarray(colour)),
+        ("png", Image.fromarray(grey.astype(np.uint16) * 257)),
+    ):
         buffer = io.BytesIO()
-        image.save(buffer, format=kind)
+        picture.save(buffer, format=kind, **({} if kind == "bmp" else {"exif": exif}))
+        found.append(buffer.getvalue())
+    floats = np.where(grey > 100, np.nan, grey).astype(np.float32)
+    for pixels, options in (
+        (floats, {"compression": "zlib", "predictor": True}),
+        (colour, {"photometric": "rgb", "planarconfig": "contig"}),
+        (grey.astype(np.uint16), {"byteorder": ">", "extratags": [(274, 3, 1, 6, True)]}),
+        (grey.astype(np.int16) - 50, {"bigtiff": True}),
+        (grey > 100, {"photometric": "miniswhite"}),
+        (np.stack([grey, grey]), {"photometric": "minisblack"}),
+    ):
+        buffer = io.BytesIO()
+        tifffile.imwrite(buffer, pixels, metadata=None, **options)
         found.append(buffer.getvalue())
     return found
 
