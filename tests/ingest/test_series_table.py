@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from math import radians
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 
 import pytest
 
@@ -165,6 +165,6 @@ def test_empty_lines_of_a_spreadsheet_are_skipped(tmp_path: Path) -> None:
 
 def test_a_long_table_is_read_in_linear_time(tmp_path: Path) -> None:
     text = "image,tilt_deg\n" + "".join(f"{i:06}.tif,1\n" for i in range(60_000))
-    start = perf_counter()
+    start = process_time()
     assert len(read_series_table(table(tmp_path / "s.csv", text)).rows) == 60_000
-    assert perf_counter() - start < 5.0
+    assert process_time() - start < 5.0
