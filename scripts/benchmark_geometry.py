@@ -732,7 +732,7 @@ def run_scale(frames: int, tracks: int) -> None:
     obs, base = s.observations, peak_gb()
     rng = np.random.default_rng(0)
     times, memory = [], []
-    begin = time.monotonic()
+    begin, begin_cpu = time.monotonic(), time.process_time()
 
     def lap() -> None:
         nonlocal begin
@@ -759,6 +759,7 @@ def run_scale(frames: int, tracks: int) -> None:
         f"{len(obs):,}",
         *[f"{t:.1f} s, {m:.1f} GB" for t, m in zip(times, memory, strict=True)],
         f"{sum(times):.0f}",
+        f"{time.process_time() - begin_cpu:.0f}",
         f"{max(memory):.1f}",
         f"{base:.1f}",
         f"{rotation:.4f}",
@@ -789,6 +790,7 @@ def table_scale(data: Path, quick: bool) -> str:
             "refinement",
             "covariance",
             "total s",
+            "CPU s",
             "peak GB",
             "of it input GB",
             "rotation RMS deg",
