@@ -10,6 +10,7 @@ from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.ingest.files import IMAGE_SUFFIXES
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.scan import check_crop
+from semsfm_colmap.ingest.tilt import parse_axis
 from semsfm_colmap.ingest.wording import abbreviate
 from semsfm_colmap.types import SemFrame
 
@@ -45,6 +46,10 @@ def check_options(options: IngestOptions) -> None:
         raise UsageError(
             f"local_contrast = {options.local_contrast} but expected a clip limit in 0 to 40."
         )
+    parse_axis(options.tilt_axis)
+    sigma = options.tilt_sigma_deg
+    if sigma is not None and not (math.isfinite(sigma) and sigma > 0):
+        raise UsageError(f"tilt_sigma_deg = {sigma} but expected a positive number.")
     step = options.tilt_step_deg
     if step is not None and not 0 < abs(step) < 90:
         raise UsageError(f"tilt_step_deg = {step} but expected degrees between two images.")

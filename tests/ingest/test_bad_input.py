@@ -470,6 +470,8 @@ def test_an_interrupted_write_leaves_no_half_file(
         ({"flat_field_scale": 0.0}, "flat_field_scale"),
         ({"local_contrast": -1.0}, "local_contrast"),
         ({"tilt_step_deg": 0.0}, "tilt_step_deg"),
+        ({"tilt_sigma_deg": -0.1}, "tilt_sigma_deg"),
+        ({"tilt_axis": "z"}, "tilt_axis"),
     ],
 )
 def test_options_that_no_series_can_have_are_usage_errors(
