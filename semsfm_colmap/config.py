@@ -23,13 +23,27 @@ from semsfm_colmap.tracks.options import TrackOptions
 
 
 @dataclass(frozen=True, kw_only=True)
+class FeatureOptions(SiftOptions):
+    """Detector and descriptor; `max_num_features` and `upright` hold for all of them."""
+
+    detector: str = "sift"
+    """sift is COLMAP's, with its own descriptor. Or harris-laplace, hessian-laplace,
+    harris-hessian-laplace, edge-laplace, harris-affine, hessian-affine, harris-hessian-affine, or a
+    union of these such as harris-laplace+edge-laplace; affine ones, upright, bear wide steps."""
+    descriptor: str = "rootsift"
+    """Of all detectors but sift: sift, rootsift, gloh, pca-sift, cc, steerable, differential,
+    moments, shape-context. The first two fit COLMAP's descriptor table, the others leave their
+    matches only."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """All options of a reconstruction."""
 
     # on the command line the ingest options go without a prefix: --pixel_size_um, --crop
     ingest: Annotated[IngestOptions, tyro.conf.arg(name="")] = field(default_factory=IngestOptions)
     """Reading and preparing images"""
-    features: SiftOptions = field(default_factory=SiftOptions)
+    features: FeatureOptions = field(default_factory=FeatureOptions)
     """Keypoints and descriptors"""
     matching: MatchingOptions = field(default_factory=MatchingOptions)
     """Pairs and their verification"""

@@ -74,6 +74,19 @@ def images_without_features(path: Path, names: Iterable[str]) -> list[str]:
     return [name for name in names if name not in done]
 
 
+def images_without_keypoints(path: Path, names: Iterable[str]) -> list[str]:
+    """The names that have no keypoints yet; descriptors do not matter."""
+    with open_database(path) as db:
+        done = {i.name for i in db.read_all_images() if db.exists_keypoints(i.image_id)}
+    return [name for name in names if name not in done]
+
+
+def read_keypoint_rows(path: Path, image_id: int) -> Float:
+    """Keypoints (K, 2 to 6) of an image with all that is stored of them."""
+    with open_database(path) as db:
+        return np.asarray(db.read_keypoints(image_id), dtype=np.float64)
+
+
 def read_keypoints(path: Path, image_ids: Iterable[int]) -> dict[int, Float]:
     """Keypoint positions (K, 2) px of each image, COLMAP's pixel origin."""
     with open_database(path) as db:

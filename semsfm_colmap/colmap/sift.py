@@ -46,6 +46,11 @@ def extraction_options(options: SiftOptions, num_threads: int) -> object:
     return extraction
 
 
+def extractor_number() -> int:
+    """COLMAP's number of descriptors that are compared like its SIFT."""
+    return int(pycolmap.FeatureExtractorType.SIFT)
+
+
 def register_images(
     database_path: Path, names: Sequence[str], sizes_px: Sequence[tuple[int, int]]
 ) -> None:

@@ -6,9 +6,8 @@ A stage returns a summary for run.json; the report is made from these summaries 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -57,22 +56,28 @@ def extract(project: Project, config: Config, reporter: Reporter, *, fresh: bool
     """images/ -> keypoints and descriptors in database.db; resumes image by image."""
     from semsfm_colmap.colmap.database import read_images, read_keypoints
     from semsfm_colmap.colmap.sift import extract_sift
+    from semsfm_colmap.pipeline.own_features import extract_own, is_own
 
     series = read_project_series(project)
     if fresh:
         for suffix in ("", "-wal", "-shm"):
             project.database.with_name(project.database.name + suffix).unlink(missing_ok=True)
     with reporter.progress("features") as progress:
-        extract_sift(
-            project.database,
-            project.images,
-            series.names,
-            [(frame.width_px, frame.height_px) for frame in series.frames],
-            config.features,
-            mask_path=project.masks_or_none,
-            num_threads=threads(config),
-            progress=progress,
-        )
+        if is_own(config.features):
+            extract_own(
+                project, series, config.features, num_threads=threads(config), progress=progress
+            )
+        else:
+            extract_sift(
+                project.database,
+                project.images,
+                series.names,
+                [(frame.width_px, frame.height_px) for frame in series.frames],
+                config.features,
+                mask_path=project.masks_or_none,
+                num_threads=threads(config),
+                progress=progress,
+            )
     images = read_images(project.database)
     keypoints = read_keypoints(project.database, [i.image_id for i in images])
     counts = [len(keypoints[i.image_id]) for i in images]
@@ -97,6 +102,7 @@ def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) 
     from semsfm_colmap.colmap.sift import match_sift
     from semsfm_colmap.matching.pairs import select_pairs
     from semsfm_colmap.matching.verify import verify_pair
+    from semsfm_colmap.pipeline.own_features import is_own, match_own
     from semsfm_colmap.pipeline.two_view import pair_statistics, stored_geometry
 
     series = read_project_series(project)
@@ -105,12 +111,20 @@ def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) 
     id_of = {image.name: image.image_id for image in read_images(project.database)}
     ids = [id_of[name] for name in series.names]
     pairs = select_pairs(len(ids), config.matching)
-    id_pairs = [(ids[i], ids[j]) for i, j in pairs]
     with reporter.progress("matching pairs") as progress:
-        if any(any(c.isspace() for c in name) for name in series.names):
-            # COLMAP's list of pairs is split at spaces
-            match_exactly(project, id_pairs, config, progress)
+        # COLMAP's list of pairs is split at spaces
+        spaces = any(any(c.isspace() for c in name) for name in series.names)
+        if spaces or is_own(config.features):
+            match_own(
+                project,
+                series.names,
+                pairs,
+                config,
+                num_threads=threads(config),
+                progress=progress,
+            )
         else:
+            id_pairs = [(ids[i], ids[j]) for i, j in pairs]
             match_sift(
                 project.database,
                 id_pairs,
@@ -154,32 +168,6 @@ def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) 
         f"{sum(int(g.inlier.sum()) for g in verified)} matches"
     )
     return {"num_pairs": len(pairs), "num_verified_pairs": len(verified), "pairs": statistics}
-
-
-def match_exactly(
-    project: Project,
-    pairs: list[tuple[int, int]],
-    config: Config,
-    progress: Callable[[int, int], None],
-) -> None:
-    """Mutual nearest neighbours with ratio by exact search, pair by pair into the database."""
-    from semsfm_colmap.colmap.database import (
-        pairs_without_matches,
-        read_descriptors,
-        write_matches,
-    )
-    from semsfm_colmap.matching.nearest import match_nearest
-
-    read = lru_cache(maxsize=2 * config.matching.overlap + 2)(
-        lambda image_id: read_descriptors(project.database, image_id).astype(np.float32)
-    )
-    todo = pairs_without_matches(project.database, pairs)
-    for done, (a, b) in enumerate(todo, start=1):
-        found = match_nearest(
-            read(a), read(b), max_ratio=config.matching.max_ratio, num_threads=threads(config)
-        )
-        write_matches(project.database, {(a, b): found.keypoints})
-        progress(len(pairs) - len(todo) + done, len(pairs))
 
 
 def build_observations(

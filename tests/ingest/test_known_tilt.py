@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from semsfm_colmap.colmap.options import SiftOptions
-from semsfm_colmap.config import Config
+from semsfm_colmap.config import Config, FeatureOptions
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.pipeline.evaluate import evaluate_project
 from semsfm_colmap.pipeline.reconstruct import run_stages
@@ -20,7 +19,7 @@ from semsfm_colmap.pipeline.reconstruct import run_stages
 from .conftest import DATA
 
 NICKEL = DATA / "synth_nickel"
-CONFIG = Config(features=SiftOptions(max_num_features=4000))
+CONFIG = Config(features=FeatureOptions(max_num_features=4000))
 pytestmark = [
     pytest.mark.data,
     pytest.mark.slow,

@@ -29,7 +29,7 @@ class GuidedOptions:
     """A patch is compared with views at up to this angle from its reference view."""
     max_shift_px: float = 2.0
     """How far from its predicted place a patch may be found."""
-    min_correlation: float = 0.75
+    min_correlation: float = 0.65
     """Smallest normalised cross-correlation of an aligned patch."""
     min_separation_px: float = 1.5
     """Of two tracks that lie closer than this in two images the shorter is dropped: they show the

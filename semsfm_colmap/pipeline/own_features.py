@@ -1,0 +1,171 @@
+"""The detectors and descriptors of `features/` in a project: into the database, and matched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from semsfm_colmap.config import Config, FeatureOptions
+from semsfm_colmap.features.options import DetectorOptions
+from semsfm_colmap.features.registry import (
+    describe,
+    descriptor_entry,
+    detect,
+    detector_parts,
+    prepare,
+)
+from semsfm_colmap.pipeline.guided import read_grey
+from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.types import Array, Bool, Features, Float, SemSeries
+
+Progress = Callable[[int, int], None]
+COLMAP_SIFT = "sift"
+"""The detector that is COLMAP's own."""
+BYTE_SCALE = 512.0
+"""COLMAP stores descriptor values of length 1 as round(512 v), cut off at 255."""
+
+
+def is_own(options: FeatureOptions) -> bool:
+    """True for a detector of ours; unknown names are refused."""
+    if options.detector == COLMAP_SIFT:
+        return False
+    detector_parts(options.detector)
+    descriptor_entry(options.descriptor)
+    return True
+
+
+def fits_colmap(options: FeatureOptions) -> bool:
+    """True when the descriptors can stand in COLMAP's table."""
+    return not is_own(options) or descriptor_entry(options.descriptor).colmap
+
+
+def detector_options(options: FeatureOptions) -> DetectorOptions:
+    """What all detectors have in common."""
+    return DetectorOptions(max_num_features=options.max_num_features, upright=options.upright)
+
+
+def extract_own(
+    project: Project,
+    series: SemSeries,
+    options: FeatureOptions,
+    *,
+    num_threads: int,
+    progress: Progress,
+) -> None:
+    """Detect, and describe what fits the database, in images that have no keypoints there yet."""
+    from semsfm_colmap.colmap.database import images_without_keypoints, read_images, write_features
+    from semsfm_colmap.colmap.sift import extractor_number, register_images
+
+    register_images(
+        project.database, series.names, [(f.width_px, f.height_px) for f in series.frames]
+    )
+    ids = {image.name: image.image_id for image in read_images(project.database)}
+    todo = images_without_keypoints(project.database, series.names)
+    detection = detector_options(options)
+    stores = fits_colmap(options)
+
+    def features_of(name: str) -> Features:
+        prepared = prepare(
+            read_grey(project.images / name), read_mask(project.masks_or_none, name), detection
+        )
+        found = detect(options.detector, prepared, detection)
+        return describe(options.descriptor, prepared, found) if stores else found
+
+    with ThreadPoolExecutor(num_threads) as pool:
+        for done, (name, found) in enumerate(
+            zip(todo, pool.map(features_of, todo), strict=True), start=1
+        ):
+            keypoints = np.column_stack([found.xy, found.affine_shape.reshape(-1, 4)])
+            descriptors = (extractor_number(), as_bytes(found.descriptors)) if stores else None
+            write_features(project.database, ids[name], keypoints, descriptors)
+            progress(len(series.names) - len(todo) + done, len(series.names))
+
+
+def read_mask(mask_path: Path | None, name: str) -> Bool | None:
+    """COLMAP's convention: <image name>.png, zero where nothing is to be found."""
+    path = None if mask_path is None else mask_path / f"{name}.png"
+    return read_grey(path) > 0 if path is not None and path.is_file() else None
+
+
+def as_bytes(descriptors: Array) -> Array:
+    """Descriptors of length 1 (K, 128) as COLMAP stores them: uint8."""
+    return np.clip(np.rint(BYTE_SCALE * descriptors), 0, 255).astype(np.uint8)
+
+
+def match_own(
+    project: Project,
+    names: Sequence[str],
+    pairs: Sequence[tuple[int, int]],
+    config: Config,
+    *,
+    num_threads: int,
+    progress: Progress,
+) -> None:
+    """Mutual nearest neighbours with ratio by exact search, pair by pair into the database.
+
+    Descriptors come from the database, or are computed again where they do not fit it.
+
+    Parameters
+    ----------
+    names : images in acquisition order
+    pairs : numbers in `names`
+
+    """
+    from semsfm_colmap.colmap.database import (
+        pairs_without_matches,
+        read_descriptors,
+        read_images,
+        read_keypoint_rows,
+        write_matches,
+    )
+    from semsfm_colmap.matching.nearest import match_nearest
+
+    ids = {image.name: image.image_id for image in read_images(project.database)}
+    options = config.features
+
+    @lru_cache(maxsize=2 * config.matching.overlap + 2)
+    def read(k: int) -> tuple[Float, Array]:
+        rows = read_keypoint_rows(project.database, ids[names[k]])
+        if fits_colmap(options):
+            values = read_descriptors(project.database, ids[names[k]]).astype(np.float32)
+            return rows[: len(values), :2], values
+        image = read_grey(project.images / names[k])
+        features = features_of_rows(rows)
+        values = describe(
+            options.descriptor, prepare(image, None, detector_options(options)), features
+        ).descriptors
+        return rows[:, :2], np.asarray(values, dtype=np.float32)
+
+    by_id = {(ids[names[i]], ids[names[j]]): (i, j) for i, j in pairs}
+    todo = pairs_without_matches(project.database, list(by_id))
+    for done, (a, b) in enumerate(todo, start=1):
+        (xy1, values1), (xy2, values2) = (read(k) for k in by_id[a, b])
+        found = match_nearest(
+            values1,
+            values2,
+            max_ratio=config.matching.max_ratio,
+            num_threads=num_threads,
+            xy1=xy1,
+            xy2=xy2,
+            exclusion_px=config.matching.exclusion_px,
+        )
+        write_matches(project.database, {(a, b): found.keypoints})
+        progress(len(pairs) - len(todo) + done, len(pairs))
+
+
+def features_of_rows(rows: Float) -> Features:
+    """Features from keypoint rows (K, 6) of a database: places and affine frames."""
+    frame = rows[:, 2:6].reshape(-1, 2, 2)
+    return Features(
+        xy=rows[:, :2],
+        scale_px=np.sqrt(np.maximum(np.abs(np.linalg.det(frame)), 1e-12)),
+        angle_rad=np.arctan2(frame[:, 1, 0], frame[:, 0, 0]),
+        affine_shape=frame,
+        response=np.ones(len(rows)),
+        detector_id=np.zeros(len(rows), dtype=np.int64),
+        descriptors=np.zeros((len(rows), 0), dtype=np.float32),
+    )
