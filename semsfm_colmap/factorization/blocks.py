@@ -72,9 +72,9 @@ def visibility(observations: Observations) -> Visibility:
 def covisible_pairs(common: Int, num_neighbours: int, min_tracks: int) -> list[tuple[int, int]]:
     """For every image some of its neighbours by number of common tracks, each pair once.
 
-    Evenly spaced in rank, from the neighbour with the most common tracks to the last one that
-    shares enough: near ones share many tracks, far ones see the depth and keep a long series
-    straight.
+    From the neighbour with the most common tracks to the last one that shares enough, spaced
+    quadratically in rank: near ones share many tracks and stand many wrong ones, far ones see the
+    depth and keep a long series straight.
     """
     pairs = set()
     for i, counts in enumerate(common):
@@ -82,7 +82,8 @@ def covisible_pairs(common: Int, num_neighbours: int, min_tracks: int) -> list[t
         order = np.argsort(-counts, kind="stable")[: np.count_nonzero(counts >= min_tracks)]
         if len(order) == 0:
             continue
-        ranks = np.linspace(0, len(order) - 1, min(num_neighbours, len(order))).round()
+        spaced = np.linspace(0.0, 1.0, min(num_neighbours, len(order))) ** 2
+        ranks = np.maximum(np.round(spaced * (len(order) - 1)), np.arange(len(spaced)))
         pairs |= {(min(i, int(j)), max(i, int(j))) for j in order[ranks.astype(np.int64)]}
     return sorted(pairs)
 
@@ -159,7 +160,7 @@ def _gather(pointer, image_idx, xy, images, tracks, M):  # type: ignore[no-untyp
 
 
 def select_blocks(observations: Observations, options: FactorizationOptions) -> list[Block]:
-    """The smallest and the largest block around every co-visible pair, without duplicates."""
+    """The two smallest and the largest block around co-visible pairs, without duplicates."""
     seen = visibility(observations)
     found: dict[tuple[int, ...], Block] = {}
     pairs = covisible_pairs(seen.common, options.num_block_neighbours, options.min_block_tracks)
@@ -167,7 +168,7 @@ def select_blocks(observations: Observations, options: FactorizationOptions) -> 
         steps = grow_block(seen, pair, options.max_block_images, options.min_block_tracks)
         steps = steps[max(options.min_block_images - 3, 0) :]
         # the most tracks and the most images; what lies between adds little
-        for images, tracks in [*steps[:1], *steps[1:][-1:]]:
+        for images, tracks in [*steps[:2], *steps[2:][-1:]]:
             key = tuple(sorted(images))
             if key in found:
                 continue

@@ -19,8 +19,8 @@ class FactorizationOptions:
     max_block_tracks: int = 500
     """A block with more tracks is thinned to so many, evenly: more do not make it better."""
     num_block_neighbours: int = 6
-    """From every image blocks grow toward so many neighbours, evenly spaced between the one that
-    shares the most tracks and the last one that shares enough."""
+    """From every image blocks grow toward so many neighbours, from the one that shares the most
+    tracks to the last one that shares enough."""
     gauge: Literal["orthonormal", "two_cameras"] = "orthonormal"
     """How the joint projection matrix is fixed: by its three smallest eigenvectors, or as the
     paper's equation 15 fixes two cameras."""
