@@ -39,17 +39,28 @@ def join_matches(
     """
     from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_fundamental
     from semsfm_colmap.tracks.build import build_tracks
+    from semsfm_colmap.tracks.cycles import consistent_matches
 
+    ordered = {
+        (min(pair), max(pair)): rows if pair[0] < pair[1] else rows[:, ::-1]
+        for pair, rows in matches.items()
+    }
+    num_inconsistent = 0
+    if config.tracks.cycle_consistency:
+        keep = consistent_matches([len(xy) for xy in keypoints], ordered)
+        num_inconsistent = sum(int((~good).sum()) for good in keep.values())
+        ordered = {pair: rows[keep[pair]] for pair, rows in ordered.items()}
     usable, residuals = {}, {}
-    for (i, j), rows in matches.items():
-        if i > j:
-            i, j, rows = j, i, rows[:, ::-1]
+    for (i, j), rows in ordered.items():
         if len(rows) < MIN_PAIR_MATCHES:
             continue
         xy1, xy2 = keypoints[i][rows[:, 0]], keypoints[j][rows[:, 1]]
         usable[i, j] = rows
         residuals[i, j] = epipolar_residual(estimate_affine_fundamental(xy1, xy2), xy1, xy2)
-    return build_tracks(list(keypoints), usable, residuals, min_length=config.tracks.min_length)
+    observations, counts = build_tracks(
+        list(keypoints), usable, residuals, min_length=config.tracks.min_length
+    )
+    return observations, {**counts, "num_inconsistent": num_inconsistent}
 
 
 def map_series(

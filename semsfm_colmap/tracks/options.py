@@ -11,3 +11,5 @@ class TrackOptions:
 
     min_length: int = 2
     """Fewest observations of a track."""
+    cycle_consistency: bool = True
+    """Drop a match that more three-view cycles contradict than support: repetitive texture."""
