@@ -4,6 +4,8 @@ The public names, loaded when they are first used:
 
 - `reconstruct`, `run_stages`: images to a project; some stages of a project
 - `Config`, `read_config`, `write_config`: all options
+- `map_database`, `reconstruct_from_database`: from any COLMAP database
+- `export_project`, `adopt_model`, `read_pinhole_model`: to other programs and back
 - `read_model`: a `Reconstruction` from a sparse folder
 - `map_observations`: `Observations` to reconstructions, without any file
 - `evaluate`, `load_truth`, `synthesize`, `SynthesizeOptions`: truth
@@ -23,11 +25,18 @@ os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
 
 if TYPE_CHECKING:
     from semsfm_colmap.colmap.model import read_model as read_model
+    from semsfm_colmap.colmap.pinhole_reading import read_pinhole_model as read_pinhole_model
     from semsfm_colmap.config import Config as Config
     from semsfm_colmap.config import read_config as read_config
     from semsfm_colmap.config import write_config as write_config
     from semsfm_colmap.evaluation.compare import evaluate as evaluate
     from semsfm_colmap.evaluation.truth import load_truth as load_truth
+    from semsfm_colmap.pipeline.adopt import adopt_model as adopt_model
+    from semsfm_colmap.pipeline.export import export_project as export_project
+    from semsfm_colmap.pipeline.external import map_database as map_database
+    from semsfm_colmap.pipeline.external_import import (
+        reconstruct_from_database as reconstruct_from_database,
+    )
     from semsfm_colmap.pipeline.mapping import map_observations as map_observations
     from semsfm_colmap.pipeline.reconstruct import reconstruct as reconstruct
     from semsfm_colmap.pipeline.reconstruct import run_stages as run_stages
@@ -37,12 +46,17 @@ if TYPE_CHECKING:
 _HOMES = {
     "Config": "config",
     "SynthesizeOptions": "synthetic.options",
+    "adopt_model": "pipeline.adopt",
     "evaluate": "evaluation.compare",
+    "export_project": "pipeline.export",
     "load_truth": "evaluation.truth",
+    "map_database": "pipeline.external",
     "map_observations": "pipeline.mapping",
     "read_config": "config",
     "read_model": "colmap.model",
+    "read_pinhole_model": "colmap.pinhole_reading",
     "reconstruct": "pipeline.reconstruct",
+    "reconstruct_from_database": "pipeline.external_import",
     "run_stages": "pipeline.reconstruct",
     "synthesize": "synthetic.series",
     "write_config": "config",

@@ -29,5 +29,6 @@ class SiftOptions:
 class ExportOptions:
     """The COLMAP model."""
 
-    max_deviation_px: float = 0.04
-    """Largest allowed distance between COLMAP's long-focal pinhole and the parallel projection."""
+    max_deviation_px: float = 0.02
+    """Largest allowed distance between COLMAP's long-focal pinhole and the parallel projection; a
+    bundle adjustment of COLMAP's turns the cameras in proportion to it."""

@@ -65,8 +65,8 @@ def pinhole_translations(
 
 
 def project_pinhole(
-    R: Float, T: Float, focal_length_px: float, principal_point: Float, points: Float
+    R: Float, T: Float, focal_length_px: float | Float, principal_point: Float, points: Float
 ) -> Float:
-    """COLMAP's SIMPLE_PINHOLE: (O, 3, 3), (O, 3), f, (O, 2), (O, 3) -> (O, 2) px."""
+    """COLMAP's pinholes: (O, 3, 3), (O, 3), f or (O, 2), (O, 2), (O, 3) -> (O, 2) px."""
     cam = np.einsum("oij,oj->oi", R, points) + T
     return np.asarray(focal_length_px * cam[:, :2] / cam[:, 2:] + principal_point)

@@ -134,19 +134,21 @@ def run_stages(
     if unknown:
         raise UsageError(f"unknown stage {unknown[0]}: the stages are {', '.join(STAGE_NAMES)}")
     check_output(project)
-    record = RunRecord.read(project.record)
     if image_path is not None:
         image_path = Path(image_path)
         if not image_path.exists():
             raise UsageError(f"{image_path} does not exist: give the folder with the images")
-        record.image_path = str(image_path.resolve())
-        record.inputs = input_hashes(image_path, record.inputs)
     elif "ingest" in names:
         raise UsageError("the ingest stage needs the folder with the images")
     elif not project.series.is_file():
         raise UsageError(f"{project.path} is not a semsfm project: run `semsfm extract` first")
-    record.seed = config.seed
     with locked(project):
+        # another process may have written it until now
+        record = RunRecord.read(project.record)
+        if image_path is not None:
+            record.image_path = str(image_path.resolve())
+            record.inputs = input_hashes(image_path, record.inputs)
+        record.seed = config.seed
         try:
             _run(project, config, record, names, reporter, force)
         finally:

@@ -112,9 +112,7 @@ def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) 
     ids = [id_of[name] for name in series.names]
     pairs = select_pairs(len(ids), config.matching)
     with reporter.progress("matching pairs") as progress:
-        # COLMAP's list of pairs is split at spaces
-        spaces = any(any(c.isspace() for c in name) for name in series.names)
-        if spaces or is_own(config.features):
+        if is_own(config.features):
             match_own(
                 project,
                 series.names,

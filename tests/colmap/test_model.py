@@ -230,3 +230,25 @@ def test_how_far_to_trust_the_model_is_added_to_the_sidecar(reconstruction, tmp_
     data = json.loads((tmp_path / "1" / "orthographic.json").read_text())
     assert data.pop("reliability") == said
     assert data == plain
+
+
+def test_another_aspect_is_a_pinhole_of_two_focal_lengths_within_the_bound(
+    reconstruction, tmp_path
+):
+    stretched = replace(reconstruction, cameras=replace(reconstruction.cameras, aspect=1.01))
+    written = write(stretched, tmp_path / "0", max_deviation_px=0.02)
+    assert written.max_deviation_px <= 1.01 * 0.02
+    model = pycolmap.Reconstruction(str(tmp_path / "0"))
+    (camera,) = model.cameras.values()
+    assert camera.model_name == "PINHOLE"
+    assert camera.focal_length_y / camera.focal_length_x == pytest.approx(1.01)
+
+
+def test_skew_which_colmap_cannot_hold_is_written_with_the_deviation_it_leaves(
+    reconstruction, tmp_path
+):
+    skewed = replace(reconstruction, cameras=replace(reconstruction.cameras, skew=0.003))
+    written = write(skewed, tmp_path / "0", max_deviation_px=0.02)
+    sidecar = json.loads((tmp_path / "0" / "orthographic.json").read_text())
+    assert sidecar["telecentric"]["max_deviation_px"] == written.max_deviation_px > 0.1
+    assert sidecar["skew"] == 0.003
