@@ -58,8 +58,8 @@ SERIES = (
     (5, 12.0, 600, "field", 0),
     (3, 10.0, 600, "field", 0),
 )
-NUM_SERIES = {60: 20, 7: 60, 5: 60, 3: 60}
-"""Series a row of the table of efficiency, by number of frames: 200 for each kind of scale."""
+NUM_SERIES = {60: 20, 7: 150, 5: 150, 3: 150}
+"""Series a row of the table of efficiency, by number of frames."""
 NOISE_PX = 0.3
 
 
