@@ -272,6 +272,7 @@ def report(project: Project, record: RunRecord, reporter: Reporter) -> Summary:
         },
         notes=tuple(dict.fromkeys(notes)),
         filtering_rounds=tuple(filtering_rounds(rounds)),
+        guided=mapping.get("diagnostics", {}).get("guided", {}),
         reliability=mapping.get("reliability", {}),
         mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,

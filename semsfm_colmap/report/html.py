@@ -14,6 +14,7 @@ from typing import Any
 from semsfm_colmap.report.figures import DrawnFigure
 from semsfm_colmap.report.html_parts import bullets, hint, image, script_json, section, text
 from semsfm_colmap.report.html_tables import (
+    guided_table,
     images_table,
     pairs_table,
     rounds_table,
@@ -121,6 +122,7 @@ def render_page(
         + section("Images", images_table(metrics) + images_hint, anchor="images")
         + section("Matches", pairs_table(metrics, options.max_pair_rows), anchor="pairs")
         + section("Filtering by reprojection error", rounds_table(metrics), anchor="rounds")
+        + section("Guided second pass", guided_table(metrics), anchor="guided")
         + section("Run", run_tables(metrics), anchor="run")
     )
     scripts = ""

@@ -169,6 +169,27 @@ def rounds_table(m: Metrics) -> str:
     return table(headers, rows, text_columns=(), narrow=True)
 
 
+def guided_table(m: Metrics) -> str:
+    """Tracks before and after the guided second pass."""
+    g = m["guided"]
+    if g is None:
+        return hint("There was no guided second pass; the model rests on the matched keypoints.")
+    names = (
+        ("observations", "num_observations_before", "num_observations"),
+        ("mean track length", "mean_track_length_before", "mean_track_length"),
+        ("noise of a coordinate, px", "sigma_before_px", "sigma_px"),
+    )
+    rows = [
+        Row(cells=(label, number(g[before]), number(g[after]))) for label, before, after in names
+    ]
+    text = (
+        f"<p>Every point was looked for in every image that should see it: {g['num_found']} of "
+        f"{g['num_places']} places were found, by structure finer than "
+        f"{g['high_pass_px']:g} px.</p>"
+    )
+    return text + table(("", "matched", "guided"), rows, text_columns=(0,), narrow=True)
+
+
 def run_tables(m: Metrics) -> str:
     """Stage times, peak memory and versions."""
     stages = [

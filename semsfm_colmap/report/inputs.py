@@ -54,6 +54,8 @@ class ReportInputs:
     """Whole sentences: warnings and verdicts of the stages, each with its evidence."""
     filtering_rounds: tuple[Mapping[str, Any], ...] = ()
     """One mapping a round with the keys of `ROUND_KEYS`."""
+    guided: Mapping[str, Any] = field(default_factory=dict)
+    """What the guided second pass found; empty without one."""
     reliability: Mapping[str, Any] = field(default_factory=dict)
     """Total rotation with its error bar, camera models compared, what leaving an image out does."""
     mesh: TriangleMesh | None = None

@@ -166,6 +166,7 @@ def compute_metrics(inputs: ReportInputs) -> dict[str, Any]:
         },
         "matches": match_totals(inputs.pairs) | {"rejected": rejected_pairs(inputs.pairs)},
         "filtering_rounds": _rounds(inputs),
+        "guided": dict(inputs.guided) or None,
         "telecentric": dict(inputs.telecentric),
         "mesh": None if inputs.mesh is None else mesh_statistics(inputs.mesh),
         "cloud": None if inputs.cloud is None else {"num_points": len(inputs.cloud.points)},

@@ -16,9 +16,10 @@ class GuidedOptions:
     rounds: int = 2
     """Passes, each from the model that the one before has led to: the first aligns what is known,
     the others look everywhere."""
-    patch_radius_px: int = 5
-    """Half width of the aligned patch."""
-    window_sigma_px: float = 2.5
+    patch_radius_px: int = 8
+    """Half width of the aligned patch: a larger one is less noisy, but bends further away from its
+    tangent plane and from its own brightness."""
+    window_sigma_px: float = 4.5
     """Standard deviation of its Gaussian window."""
     high_pass_px: float = 0.0
     """Structure much coarser than this many px is taken out before alignment: coarse brightness is
