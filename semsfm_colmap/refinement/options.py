@@ -22,6 +22,9 @@ class RefinementOptions:
     """Fewest inlier observations of a point."""
     min_image_observations: int = 12
     """Fewest inlier observations of a registered image."""
+    min_image_inlier_share: float = 0.25
+    """Smallest share of inliers among an image's observations of points, when it is registered and
+    in the last round: an image of another size or specimen agrees with some points by chance."""
     min_triangulation_angle_deg: float = 1.0
     """Points whose rays all lie within this angle have no reliable depth and are left out."""
     camera_model: Literal["orthographic", "scaled_orthographic", "affine"] = "scaled_orthographic"

@@ -6,6 +6,7 @@ the round's threshold and adjusts all cameras to them; the thresholds fall from 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -134,10 +135,21 @@ def select_inliers(
     return inlier & good[obs.track_idx]
 
 
-def registered_images(inlier: Bool, observations: Observations, options: RefinementOptions) -> Int:
-    """Images with enough inlier observations."""
-    count = np.bincount(observations.image_idx[inlier], minlength=observations.num_images)
-    return np.flatnonzero(count >= options.min_image_observations)
+def registered_images(
+    inlier: Bool,
+    observations: Observations,
+    options: RefinementOptions,
+    *,
+    min_inlier_share: float = 0.0,
+) -> Int:
+    """Images with enough inlier observations, in number and among those of tracks with a point."""
+    obs = observations
+    count = np.bincount(obs.image_idx[inlier], minlength=obs.num_images)
+    has_point = np.bincount(obs.track_idx[inlier], minlength=obs.num_tracks) > 0
+    total = np.bincount(obs.image_idx[has_point[obs.track_idx]], minlength=obs.num_images)
+    return np.flatnonzero(
+        (count >= options.min_image_observations) & (count >= min_inlier_share * total)
+    )
 
 
 def adjust_with_angles(refined: Refined, angles: AnglePrior, options: RefinementOptions) -> Refined:
@@ -209,7 +221,12 @@ def _adjust(
         if len(local) == 0:
             return None
         inlier = select_inliers(cameras, local, threshold_px, options, seed)
-        kept = registered_images(inlier, local, options)
+        kept = registered_images(
+            inlier,
+            local,
+            options,
+            min_inlier_share=options.min_image_inlier_share if final else 0.0,
+        )
         if len(kept) < 3:
             return None
         if len(kept) == len(images):
@@ -286,7 +303,10 @@ def register_more(
             points,
             observations.xy[mine],
             threshold_px=threshold_px,
-            min_inliers=options.min_image_observations,
+            min_inliers=max(
+                options.min_image_observations,
+                math.ceil(options.min_image_inlier_share * len(points)),
+            ),
             rng=rng,
         )
         if found.value is None:

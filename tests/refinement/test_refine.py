@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from semsfm_colmap.refinement.covariance import estimate_covariance
 from semsfm_colmap.refinement.options import RefinementOptions
-from semsfm_colmap.refinement.refine import noise_sigma, refine
+from semsfm_colmap.refinement.refine import noise_sigma, refine, registered_images
 from semsfm_colmap.refinement.resection import resect
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 from tests.alignment import best_hand_errors_deg
@@ -116,3 +118,29 @@ def test_resection_finds_the_camera_among_wrong_matches():
         s.points[:8], xy[:8], threshold_px=2.0, min_inliers=12, rng=np.random.default_rng(0)
     )
     assert few.status == "too_few_points"
+
+
+def test_an_image_that_agrees_with_some_points_by_chance_is_left_out():
+    """A fifth of an alien image's matches fit a view of the points, but not that of its place."""
+    s = body()
+    obs = s.observations
+    rng = np.random.default_rng(2)
+    xy = np.array(obs.xy)
+    alien = np.flatnonzero(obs.image_idx == 9)
+    xy[alien] = rng.uniform(0, 1000, (len(alien), 2))
+    some = rng.permutation(alien)[: len(alien) // 5]
+    xy[some] = s.cameras.project(s.points[obs.track_idx[some]], np.full(len(some), 12))
+    changed = replace(s, observations=replace(obs, xy=xy))
+    lenient = refined(changed, min_image_inlier_share=0.0).value
+    fit = refined(changed).value
+    assert 9 in lenient.images
+    assert fit.images.tolist() == [i for i in range(20) if i != 9]
+
+
+def test_a_share_of_inliers_is_counted_among_the_tracks_with_a_point():
+    s = body(outlier_share=0.3)
+    obs = s.observations
+    kept = registered_images(s.correct, obs, RefinementOptions(), min_inlier_share=0.6)
+    assert len(kept) == 20
+    kept = registered_images(s.correct, obs, RefinementOptions(), min_inlier_share=0.8)
+    assert len(kept) == 0
