@@ -1,3 +1,4 @@
+import inspect
 from dataclasses import fields, is_dataclass, replace
 
 import pytest
@@ -38,7 +39,8 @@ def test_every_option_is_documented_and_has_a_default():
     for section in fields(Config):
         default = getattr(Config(), section.name)
         if is_dataclass(default):
-            source = __import__("inspect").getsource(type(default))
+            lineage = [c for c in type(default).__mro__ if is_dataclass(c)]
+            source = "".join(inspect.getsource(c) for c in lineage)
             for option in fields(default):
                 after = source.split(f"\n    {option.name}:", 1)[1]
                 assert '"""' in after.split("\n    def ")[0], option.name

@@ -53,7 +53,7 @@ def test_random_true_matches_survive_and_shifted_ones_fall():
     kept_wrong = np.mean(np.concatenate([keep[p][wrong[p]] for p in matches]))
     lost_right = np.mean(np.concatenate([~keep[p][~wrong[p]] for p in matches]))
     assert kept_wrong < 0.1
-    assert lost_right < 0.05
+    assert lost_right < 0.1
 
 
 def test_no_matches_at_all():

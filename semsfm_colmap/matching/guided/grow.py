@@ -280,6 +280,8 @@ def _assembled(
     image = np.concatenate([p.image for p in parts])
     order = np.lexsort((image, track))
     sigma = np.concatenate([p.sigma for p in parts])
+    if np.isnan(sigma).all():
+        return None
     # a reference view is as sure as a typical one
     sigma = np.where(np.isnan(sigma), np.nanmedian(sigma), sigma)
     direction = cameras.viewing_direction
