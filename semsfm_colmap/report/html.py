@@ -39,7 +39,7 @@ SCENE_FIGURE = "scene"
 GRID_SWITCH = '<label><input type="checkbox" id="grid-switch"> grid</label>'
 SECTIONS = (
     ("scene-section", "Scene"), ("figures", "Figures"), ("images", "Images"), ("pairs", "Matches"),
-    ("rounds", "Filtering"), ("run", "Run"),
+    ("rounds", "Filtering"), ("guided", "Guided pass"), ("run", "Run"),
 )  # fmt: skip
 
 

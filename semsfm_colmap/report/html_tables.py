@@ -183,9 +183,9 @@ def guided_table(m: Metrics) -> str:
         Row(cells=(label, number(g[before]), number(g[after]))) for label, before, after in names
     ]
     text = (
-        f"<p>Every point was looked for in every image that should see it: {g['num_found']} of "
-        f"{g['num_places']} places were found, by structure finer than "
-        f"{g['high_pass_px']:g} px.</p>"
+        "<p>Every point was looked for in every image that should see it: "
+        f"{number(g['num_found'])} of {number(g['num_places'])} places were found, by structure "
+        f"finer than {g['high_pass_px']:g} px.</p>"
     )
     return text + table(("", "matched", "guided"), rows, text_columns=(0,), narrow=True)
 

@@ -166,3 +166,27 @@ def test_many_rejected_pairs_are_cut_off_and_counted():
     page = render_page(inputs, metrics, (), ReportOptions(max_pair_rows=3))
     assert page.count('<td class="text">no overlap</td>') == 3
     assert "5 more rejected pairs" in page
+
+
+def test_the_guided_pass_is_told_with_its_figures_and_its_absence_too():
+    inputs = make_inputs(make_reconstruction())
+    reader = Reader()
+    reader.feed(render(inputs))
+    assert "no guided second pass" in " ".join(reader.text)
+    guided = {
+        "high_pass_px": 2.0,
+        "num_places": 51234,
+        "num_found": 23456,
+        "num_observations_before": 12000,
+        "num_observations": 24001,
+        "mean_track_length_before": 7.1,
+        "mean_track_length": 13.8,
+        "sigma_before_px": 0.372,
+        "sigma_px": 0.161,
+    }
+    reader = Reader()
+    reader.feed(render(replace(inputs, guided=guided)))
+    text = " ".join(reader.text)
+    for figure in ("finer than 2 px", "13.8", "0.372", "0.161"):
+        assert figure in text
+    assert compute_metrics(replace(inputs, guided=guided))["guided"] == guided
