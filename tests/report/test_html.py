@@ -169,7 +169,7 @@ def test_many_rejected_pairs_are_cut_off_and_counted():
 
 
 def test_the_guided_pass_is_told_with_its_figures_and_its_absence_too():
-    inputs = make_inputs(make_reconstruction())
+    inputs = make_inputs(make_reconstruction(np.arange(0.0, 60.0, 10.0)))
     reader = Reader()
     reader.feed(render(inputs))
     assert "no guided second pass" in " ".join(reader.text)
