@@ -14,6 +14,7 @@ from semsfm_colmap.geometry.tracks import keep_tracks
 from semsfm_colmap.matching.guided.grow import Grown, grow_tracks
 from semsfm_colmap.matching.guided.noise import fit_relative_sigma
 from semsfm_colmap.matching.guided.options import GuidedOptions
+from semsfm_colmap.pipeline.prepared import read_grey, read_mask
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, expected_share, refine
 from semsfm_colmap.types import Array, Bool, Float, Int, Observations
@@ -45,24 +46,9 @@ def guide_from_folders(
     def read_image(i: int) -> Array:
         return read_grey(image_path / names[i])
 
-    def read_mask(i: int) -> Bool | None:
-        path = None if mask_path is None else mask_path / f"{names[i]}.png"
-        return read_grey(path) > 0 if path is not None and path.is_file() else None
-
-    return Guide(read_image=read_image, read_mask=read_mask, options=options)
-
-
-def read_grey(path: Path) -> Array:
-    """Pixels (H, W) of an 8-bit image file, whatever its name."""
-    import cv2
-
-    from semsfm_colmap.errors import InputError
-
-    data = np.fromfile(path, dtype=np.uint8)
-    pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
-    if pixels is None:
-        raise InputError(f"{path} cannot be read: run `semsfm extract` again")
-    return np.asarray(pixels)
+    return Guide(
+        read_image=read_image, read_mask=lambda i: read_mask(mask_path, names[i]), options=options
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
@@ -18,9 +17,9 @@ from semsfm_colmap.features.registry import (
     detector_parts,
     prepare,
 )
-from semsfm_colmap.pipeline.guided import read_grey
+from semsfm_colmap.pipeline.prepared import read_grey, read_mask
 from semsfm_colmap.pipeline.project import Project
-from semsfm_colmap.types import Array, Bool, Features, Float, SemSeries
+from semsfm_colmap.types import Array, Features, Float, SemSeries
 
 Progress = Callable[[int, int], None]
 COLMAP_SIFT = "sift"
@@ -83,12 +82,6 @@ def extract_own(
             descriptors = (extractor_number(), as_bytes(found.descriptors)) if stores else None
             write_features(project.database, ids[name], keypoints, descriptors)
             progress(len(series.names) - len(todo) + done, len(series.names))
-
-
-def read_mask(mask_path: Path | None, name: str) -> Bool | None:
-    """COLMAP's convention: <image name>.png, zero where nothing is to be found."""
-    path = None if mask_path is None else mask_path / f"{name}.png"
-    return read_grey(path) > 0 if path is not None and path.is_file() else None
 
 
 def as_bytes(descriptors: Array) -> Array:

@@ -1,0 +1,27 @@
+"""Prepared images and masks of a project, read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.types import Array, Bool
+
+
+def read_grey(path: Path) -> Array:
+    """Pixels (H, W) of an 8-bit image file, whatever its name."""
+    import cv2
+
+    data = np.fromfile(path, dtype=np.uint8)
+    pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
+    if pixels is None:
+        raise InputError(f"{path} cannot be read: run `semsfm extract` again")
+    return np.asarray(pixels)
+
+
+def read_mask(mask_path: Path | None, name: str) -> Bool | None:
+    """COLMAP's convention: <image name>.png, zero where nothing is to be found."""
+    path = None if mask_path is None else mask_path / f"{name}.png"
+    return read_grey(path) > 0 if path is not None and path.is_file() else None
