@@ -250,9 +250,10 @@ def time_features(
 
 def colmap_features(images: StudyImages, detection: DetectorOptions) -> list[Features]:
     """COLMAP's SIFT on the same images, through a database of its own."""
-    from semsfm_colmap.colmap.database import open_database, read_descriptors, read_images
+    from semsfm_colmap.colmap.database import read_descriptors, read_images, read_keypoint_rows
     from semsfm_colmap.colmap.options import SiftOptions
     from semsfm_colmap.colmap.sift import extract_sift
+    from semsfm_colmap.pipeline.own_features import features_of_rows
 
     database = images.folder / "study.db"
     database.unlink(missing_ok=True)
@@ -271,22 +272,9 @@ def colmap_features(images: StudyImages, detection: DetectorOptions) -> list[Fea
     ids = {image.name: image.image_id for image in read_images(database)}
     features = []
     for name in images.names:
-        with open_database(database) as db:
-            keypoints = np.asarray(db.read_keypoints(ids[name]), dtype=np.float64)
+        rows = read_keypoint_rows(database, ids[name])
         values = read_descriptors(database, ids[name]).astype(np.float32)
-        shape = keypoints[:, 2:6].reshape(-1, 2, 2)
-        scale = np.sqrt(np.maximum(np.linalg.det(shape), 1e-12))
-        features.append(
-            Features(
-                xy=keypoints[:, :2],
-                scale_px=scale,
-                angle_rad=np.arctan2(shape[:, 1, 0], shape[:, 0, 0]),
-                affine_shape=shape,
-                response=np.ones(len(keypoints)),
-                detector_id=np.zeros(len(keypoints), dtype=np.int64),
-                descriptors=values,
-            )
-        )
+        features.append(replace(features_of_rows(rows), descriptors=values))
     return features
 
 

@@ -139,12 +139,12 @@ def choose_high_pass(
     rows = rng.permutation(rows)[:NUM_TRIAL_OBSERVATIONS]
     known = np.zeros(len(observations), dtype=bool)
     known[rows] = True
+    tracks = np.unique(observations.track_idx[rows])
+    image_idx = np.full_like(seeds.references.image_idx, -1)
+    image_idx[tracks] = seeds.references.image_idx[tracks]
+    references = replace(seeds.references, image_idx=image_idx)
     share = []
     for high_pass in HIGH_PASS_PX:
-        tracks = np.unique(observations.track_idx[rows])
-        image_idx = np.full_like(seeds.references.image_idx, -1)
-        image_idx[tracks] = seeds.references.image_idx[tracks]
-        references = replace(seeds.references, image_idx=image_idx)
         templates = reference_templates(references, read_image, high_pass, options)
         found = tried = 0
         for i in some:
