@@ -15,13 +15,13 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from semsfm_colmap.feature_study.options import COLMAP_SIFT, StudyOptions
+from semsfm_colmap.feature_study.options import StudyOptions
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.pipeline.compare_features import CompareOptions, load_images, time_features
 
 ROUNDS = 3
-DETECTORS = (COLMAP_SIFT, "harris-hessian-laplace", "hessian-laplace", "harris-hessian-affine")
+DETECTORS = ("colmap-sift", "harris-hessian-laplace", "hessian-laplace", "harris-hessian-affine")
 
 
 def main() -> None:

@@ -29,7 +29,8 @@ class FeatureOptions(SiftOptions):
     detector: str = "sift"
     """sift is COLMAP's, with its own descriptor. Or harris-laplace, hessian-laplace,
     harris-hessian-laplace, edge-laplace, harris-affine, hessian-affine, harris-hessian-affine, or a
-    union of these such as harris-laplace+edge-laplace; affine ones, upright, bear wide steps."""
+    union of these such as harris-laplace+edge-laplace; affine ones, upright, bear wide steps. In
+    unions COLMAP's keypoints are colmap-sift, colmap-sift-affine, colmap-sift-pooled."""
     descriptor: str = "rootsift"
     """Of all detectors but sift: sift, rootsift, gloh, pca-sift, cc, steerable, differential,
     moments, shape-context. The first two fit COLMAP's descriptor table, the others leave their

@@ -13,15 +13,21 @@ PAPER_DETECTORS = (
     "edge-laplace",
 )
 PAPER_DESCRIPTORS = ("sift", "gloh", "cc", "steerable", "differential")
-COLMAP_SIFT = "colmap-sift"
-"""COLMAP's own detector; "sift" then stands for its own descriptor too."""
+COLMAP_DETECTORS = ("colmap-sift", "colmap-sift-affine", "colmap-sift-pooled")
+"""COLMAP's own detectors; "sift" then stands for its own descriptor too."""
+UNION = "harris-hessian-laplace+colmap-sift"
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
     """What is compared, and on how many images."""
 
-    detectors: tuple[str, ...] = (*PAPER_DETECTORS, "harris-hessian-affine", COLMAP_SIFT)
+    detectors: tuple[str, ...] = (
+        *PAPER_DETECTORS,
+        "harris-hessian-affine",
+        *COLMAP_DETECTORS,
+        UNION,
+    )
     """Region detectors; unions are written with +. The first six are the paper's."""
     descriptors: tuple[str, ...] = (
         *PAPER_DESCRIPTORS,

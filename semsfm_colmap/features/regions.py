@@ -50,6 +50,24 @@ def circular_regions(xy: Float, scale_px: Float, response: Float, detector_id: i
     )
 
 
+def regions_from_frames(xy: Float, frame: Float, response: Float, detector_id: int) -> Regions:
+    """Regions from the affine frames (K, 2, 2) of features; what they are turned by is left out.
+
+    A frame A maps the unit circle to the ellipse, and so does its symmetric part in the polar
+    decomposition A = S Q, which a region keeps.
+    """
+    scale = np.sqrt(np.abs(np.linalg.det(frame)))
+    values, axes = np.linalg.eigh(frame @ frame.swapaxes(1, 2))
+    symmetric = (axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ axes.swapaxes(1, 2)
+    return Regions(
+        xy=xy,
+        scale_px=scale,
+        shape=symmetric / np.maximum(scale, 1e-12)[:, None, None],
+        response=response,
+        detector_id=np.full(len(xy), detector_id, dtype=np.int64),
+    )
+
+
 def concatenate(parts: Sequence[Regions]) -> Regions:
     """One after the other."""
     return Regions(

@@ -3,12 +3,13 @@
     features = extract("harris-hessian-laplace", "sift", image)
 
 A union of detectors is written with plus signs, "harris-laplace+edge-laplace"; near duplicates are
-merged. What is asked for several times on one image shares one scale space: see `PreparedImage`.
+merged. COLMAP's SIFT takes part by its regions, which the caller brings. What is asked for several
+times on one image shares one scale space: see `PreparedImage`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +42,9 @@ DETECTORS: dict[str, tuple[tuple[str, bool], ...]] = {
     "harris-hessian-affine": (("harris", True), ("hessian", True)),
 }
 """Name -> kinds of points, and whether their shape is adapted."""
+
+EXTERNAL = {"colmap-sift": 6, "colmap-sift-affine": 7, "colmap-sift-pooled": 8}
+"""Detectors of COLMAP with their numbers: plain, with adapted shape, with domain-size pooling."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,16 +106,24 @@ def prepare(
 
 
 def detector_parts(name: str) -> tuple[tuple[str, bool], ...]:
-    """Kinds and adaptation of a detector or a union; unknown names are refused."""
+    """Kinds and adaptation of a detector or a union; unknown names are refused.
+
+    An external detector is a kind of its own.
+    """
     parts: list[tuple[str, bool]] = []
     for single in name.split("+"):
-        if single not in DETECTORS:
+        if single not in DETECTORS and single not in EXTERNAL:
             raise UsageError(
-                f"there is no detector {single!r}; there are {', '.join(DETECTORS)}, "
+                f"there is no detector {single!r}; there are {', '.join([*DETECTORS, *EXTERNAL])}, "
                 "and unions of them with +"
             )
-        parts += [part for part in DETECTORS[single] if part not in parts]
+        parts += [part for part in DETECTORS.get(single, ((single, False),)) if part not in parts]
     return tuple(parts)
+
+
+def external_parts(name: str) -> tuple[str, ...]:
+    """The external detectors in a union."""
+    return tuple(kind for kind, _ in detector_parts(name) if kind in EXTERNAL)
 
 
 def descriptor_entry(name: str) -> Descriptor:
@@ -126,20 +138,28 @@ def detect(
     image: Array | PreparedImage,
     options: DetectorOptions | None = None,
     mask: Bool | None = None,
+    external: Mapping[str, Regions] | None = None,
 ) -> Features:
     """Features of an image, without descriptors.
 
     Parameters
     ----------
-    name : one of `DETECTORS`, or several joined by "+"
+    name : one of `DETECTORS` or `EXTERNAL`, or several joined by "+"
     image : (H, W) grey, or what `prepare` made of it
     mask : (H, W) True where usable; already in a prepared image
+    external : what the external detectors of the union found in this image
 
     """
     options = options or DetectorOptions()
     parts = detector_parts(name)
+    found = dict(external or {})
+    missing = [kind for kind in external_parts(name) if kind not in found]
+    if missing:
+        raise UsageError(f"{missing[0]} is a detector of COLMAP: pass its regions as `external`")
     prepared = image if isinstance(image, PreparedImage) else prepare(image, mask, options)
-    found = detect_laplace(prepared.space, sorted({kind for kind, _ in parts}), options)
+    own = sorted({kind for kind, _ in parts} - set(EXTERNAL))
+    if own:
+        found |= detect_laplace(prepared.space, own, options)
     chosen: list[Regions] = []
     for kind, affine in parts:
         regions = found[kind].select(inside(found[kind], prepared.distance_px, options.margin))

@@ -26,17 +26,19 @@ from semsfm_colmap.feature_study.agreement import (
     shared_regions,
 )
 from semsfm_colmap.feature_study.figures import write_figures
-from semsfm_colmap.feature_study.options import COLMAP_SIFT, StudyOptions
+from semsfm_colmap.feature_study.options import COLMAP_DETECTORS, StudyOptions
 from semsfm_colmap.feature_study.result import DetectorSpeed, PairCount, StudyResult
 from semsfm_colmap.feature_study.tables import write_tables
 from semsfm_colmap.feature_study.transfer import Transfer
 from semsfm_colmap.features.options import DescriptorOptions, DetectorOptions
+from semsfm_colmap.features.regions import Regions, circular_regions
 from semsfm_colmap.features.registry import (
     PreparedImage,
     describe,
     descriptor_entry,
     detect,
     detector_parts,
+    external_parts,
     prepare,
 )
 from semsfm_colmap.ingest.options import IngestOptions
@@ -45,6 +47,7 @@ from semsfm_colmap.matching.filters import distance_filter, static_matches
 from semsfm_colmap.matching.nearest import match_nearest
 from semsfm_colmap.matching.options import MatchingOptions
 from semsfm_colmap.matching.verify import verify_pair
+from semsfm_colmap.pipeline.colmap_regions import colmap_features, colmap_regions
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.types import Array, Bool, Features, Float
 
@@ -87,8 +90,7 @@ def compare_features(
     reporter = reporter or Reporter()
     study = options.study
     for detector in study.detectors:
-        if detector != COLMAP_SIFT:
-            detector_parts(detector)
+        detector_parts(detector)
     for descriptor in study.descriptors:
         descriptor_entry(descriptor)
     truth = load_truth(truth_path) if truth_path is not None else None
@@ -228,54 +230,31 @@ def time_features(
     detector: str, images: StudyImages, options: CompareOptions, pool: ThreadPoolExecutor
 ) -> tuple[list[Features], DetectorSpeed]:
     """Regions of all images; the time includes scale space, detection and SIFT."""
-    if detector == COLMAP_SIFT:
+    detection = options.detection
+    sizes = [(p.shape[1], p.shape[0]) for p in images.pixels]
+    where = images.folder / "images", images.names, sizes, detection
+    masks = images.folder / "masks"
+    mask_path = masks if masks.is_dir() else None
+    if detector in COLMAP_DETECTORS:
         begin = time.perf_counter()
-        features = colmap_features(images, options.detection)
+        features = colmap_features(detector, *where, mask_path=mask_path)
         seconds = time.perf_counter() - begin
     else:
 
-        def both(pixels: Array, mask: Bool | None) -> Features:
-            prepared = prepare(pixels, mask, options.detection)
-            found = detect(detector, prepared, options.detection)
+        def both(pixels: Array, mask: Bool | None, external: dict[str, Regions]) -> Features:
+            prepared = prepare(pixels, mask, detection)
+            found = detect(detector, prepared, detection, external=external)
             return describe("sift", prepared, found, options.description)
 
         # once beforehand on a corner: compiled code is loaded, not timed
-        both(images.pixels[0][:64, :64], None)
+        nowhere = circular_regions(np.zeros((0, 2)), np.zeros(0), np.zeros(0), 0)
+        both(images.pixels[0][:64, :64], None, dict.fromkeys(external_parts(detector), nowhere))
         begin = time.perf_counter()
-        features = list(pool.map(both, images.pixels, images.masks))
+        external = colmap_regions(detector, *where, mask_path=mask_path)
+        features = list(pool.map(both, images.pixels, images.masks, external))
         seconds = time.perf_counter() - begin
     num = sum(len(f.scale_px) for f in features)
     return features, DetectorSpeed(detector=detector, num_features=num, seconds=seconds)
-
-
-def colmap_features(images: StudyImages, detection: DetectorOptions) -> list[Features]:
-    """COLMAP's SIFT on the same images, through a database of its own."""
-    from semsfm_colmap.colmap.database import read_descriptors, read_images, read_keypoint_rows
-    from semsfm_colmap.colmap.options import SiftOptions
-    from semsfm_colmap.colmap.sift import extract_sift
-    from semsfm_colmap.pipeline.own_features import features_of_rows
-
-    database = images.folder / "study.db"
-    database.unlink(missing_ok=True)
-    masks = images.folder / "masks"
-    extract_sift(
-        database,
-        images.folder / "images",
-        images.names,
-        [(p.shape[1], p.shape[0]) for p in images.pixels],
-        SiftOptions(
-            max_num_features=detection.max_num_features or 10**6,
-            upright=detection.upright,
-        ),
-        mask_path=masks if masks.is_dir() else None,
-    )
-    ids = {image.name: image.image_id for image in read_images(database)}
-    features = []
-    for name in images.names:
-        rows = read_keypoint_rows(database, ids[name])
-        values = read_descriptors(database, ids[name]).astype(np.float32)
-        features.append(replace(features_of_rows(rows), descriptors=values))
-    return features
 
 
 def _count_pair(

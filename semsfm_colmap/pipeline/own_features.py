@@ -10,6 +10,7 @@ import numpy as np
 
 from semsfm_colmap.config import Config, FeatureOptions
 from semsfm_colmap.features.options import DetectorOptions
+from semsfm_colmap.features.regions import Regions
 from semsfm_colmap.features.registry import (
     describe,
     descriptor_entry,
@@ -17,6 +18,7 @@ from semsfm_colmap.features.registry import (
     detector_parts,
     prepare,
 )
+from semsfm_colmap.pipeline.colmap_regions import colmap_regions, features_of_rows
 from semsfm_colmap.pipeline.prepared import read_grey, read_mask
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.types import Array, Features, Float, SemSeries
@@ -24,6 +26,8 @@ from semsfm_colmap.types import Array, Features, Float, SemSeries
 Progress = Callable[[int, int], None]
 COLMAP_SIFT = "sift"
 """The detector that is COLMAP's own."""
+CHUNK = 8
+"""Images whose COLMAP keypoints are found together."""
 BYTE_SCALE = 512.0
 """COLMAP stores descriptor values of length 1 as round(512 v), cut off at 255."""
 
@@ -67,21 +71,35 @@ def extract_own(
     detection = detector_options(options)
     stores = fits_colmap(options)
 
-    def features_of(name: str) -> Features:
+    size_of = {f.name: (f.width_px, f.height_px) for f in series.frames}
+
+    def features_of(name: str, external: dict[str, Regions]) -> Features:
         prepared = prepare(
             read_grey(project.images / name), read_mask(project.masks_or_none, name), detection
         )
-        found = detect(options.detector, prepared, detection)
+        found = detect(options.detector, prepared, detection, external=external)
         return describe(options.descriptor, prepared, found) if stores else found
 
+    done = len(series.names) - len(todo)
     with ThreadPoolExecutor(num_threads) as pool:
-        for done, (name, found) in enumerate(
-            zip(todo, pool.map(features_of, todo), strict=True), start=1
-        ):
-            keypoints = np.column_stack([found.xy, found.affine_shape.reshape(-1, 4)])
-            descriptors = (extractor_number(), as_bytes(found.descriptors)) if stores else None
-            write_features(project.database, ids[name], keypoints, descriptors)
-            progress(len(series.names) - len(todo) + done, len(series.names))
+        for begin in range(0, len(todo), CHUNK):
+            chunk = todo[begin : begin + CHUNK]
+            external = colmap_regions(
+                options.detector,
+                project.images,
+                chunk,
+                [size_of[name] for name in chunk],
+                detection,
+                mask_path=project.masks_or_none,
+                num_threads=num_threads,
+            )
+            found_in = pool.map(features_of, chunk, external)
+            for name, found in zip(chunk, found_in, strict=True):
+                keypoints = np.column_stack([found.xy, found.affine_shape.reshape(-1, 4)])
+                descriptors = (extractor_number(), as_bytes(found.descriptors)) if stores else None
+                write_features(project.database, ids[name], keypoints, descriptors)
+                done += 1
+                progress(done, len(series.names))
 
 
 def as_bytes(descriptors: Array) -> Array:
@@ -148,17 +166,3 @@ def match_own(
         )
         write_matches(project.database, {(a, b): found.keypoints})
         progress(len(pairs) - len(todo) + done, len(pairs))
-
-
-def features_of_rows(rows: Float) -> Features:
-    """Features from keypoint rows (K, 6) of a database: places and affine frames."""
-    frame = rows[:, 2:6].reshape(-1, 2, 2)
-    return Features(
-        xy=rows[:, :2],
-        scale_px=np.sqrt(np.maximum(np.abs(np.linalg.det(frame)), 1e-12)),
-        angle_rad=np.arctan2(frame[:, 1, 0], frame[:, 0, 0]),
-        affine_shape=frame,
-        response=np.ones(len(rows)),
-        detector_id=np.zeros(len(rows), dtype=np.int64),
-        descriptors=np.zeros((len(rows), 0), dtype=np.float32),
-    )

@@ -3,7 +3,7 @@ import csv
 import pytest
 
 from semsfm_colmap.errors import InputError, UsageError
-from semsfm_colmap.feature_study.options import COLMAP_SIFT, StudyOptions
+from semsfm_colmap.feature_study.options import UNION, StudyOptions
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.pipeline.compare_features import CompareOptions, compare_features
@@ -11,7 +11,7 @@ from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.synthetic import SynthesizeOptions, synthesize
 
 STUDY = StudyOptions(
-    detectors=("harris-hessian-laplace", "edge-laplace", COLMAP_SIFT),
+    detectors=("harris-hessian-laplace", "edge-laplace", "colmap-sift", UNION),
     descriptors=("sift", "gloh"),
     max_num_pairs=1,
 )
@@ -53,7 +53,7 @@ def test_the_study_writes_figures_and_tables_and_its_numbers_make_sense(series, 
     expected |= {"figure12.csv", "figure13.csv", "table1.csv", "speed.csv", "pairs.csv"}
     assert names == expected | {"repeatability.csv"}
     rows = {(r["detector"], r["descriptor"]): r for r in read(tmp_path / "figure12.csv")}
-    assert len(rows) == 6
+    assert len(rows) == 8
     for row in rows.values():
         matched, filtered, robust = (
             float(row[k]) for k in ("matched", "heuristically_filtered", "robustly_filtered")

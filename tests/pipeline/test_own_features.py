@@ -15,7 +15,8 @@ from semsfm_colmap.config import config_from_dict
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import load_truth
-from semsfm_colmap.pipeline.own_features import as_bytes, features_of_rows
+from semsfm_colmap.pipeline.colmap_regions import features_of_rows
+from semsfm_colmap.pipeline.own_features import as_bytes
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.reconstruct import run_stages
 
@@ -33,7 +34,11 @@ def config(detector, descriptor):
 
 @pytest.mark.parametrize(
     ("detector", "descriptor", "stored"),
-    [("harris-hessian-laplace", "rootsift", True), ("hessian-affine", "gloh", False)],
+    [
+        ("harris-hessian-laplace", "rootsift", True),
+        ("hessian-affine", "gloh", False),
+        ("harris-laplace+colmap-sift-affine", "rootsift", True),
+    ],
 )
 def test_any_detector_with_any_descriptor_gives_a_right_model(
     small_series, tmp_path, detector, descriptor, stored
