@@ -34,8 +34,10 @@ def static_matches(displacement: Float, radius_px: float, excess: float) -> Bool
     """Matches that stand still while others move: databar, detector dust, background.
 
     A specimen that turns also has points that hardly move, those on its axis, but its displacements
-    pass through zero smoothly. Static things pile up at zero: the matches within `radius_px` of
-    zero are called static when they are `excess` times denser than those in the ring around.
+    pass through zero smoothly, and they do so along one direction: parallel projection moves every
+    point along its epipolar line. Static things pile up at zero: the matches within `radius_px` of
+    zero are called static when, by length of displacement, they are `excess` times denser than
+    those in the ring around.
 
     Parameters
     ----------
@@ -54,7 +56,7 @@ def static_matches(displacement: Float, radius_px: float, excess: float) -> Bool
         # everything stands still: that is a repeated view, not a background
         return np.zeros(len(length), dtype=bool)
     ring = np.sum((length >= radius_px) & (length < RING_FACTOR * radius_px))
-    expected = ring / (RING_FACTOR**2 - 1.0)
+    expected = ring / (RING_FACTOR - 1.0)
     if np.sum(inner) < excess * (expected + 1.0):
         return np.zeros(len(length), dtype=bool)
     return np.asarray(inner)

@@ -107,6 +107,9 @@ def test_what_stands_still_is_rejected_only_where_it_piles_up():
     # points near the axis of rotation pass through zero smoothly and stay
     smooth = rng.uniform(-10, 10, (600, 2))
     assert not static_matches(smooth, 0.5, 5.0).any()
+    # where all moves by about a pixel along one line, half of it less than that, nothing is static
+    slow = np.stack([rng.uniform(-1.2, 1.2, 700), 0.15 * rng.normal(size=700)], -1)
+    assert not static_matches(slow, 0.5, 5.0).any()
     # a repeated view stands still as a whole and is kept
     assert not static_matches(dust, 0.5, 5.0).any()
 
