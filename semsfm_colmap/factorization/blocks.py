@@ -4,6 +4,11 @@ A block is a set of images and the tracks seen in all of them. From every pair o
 tracks a block grows by the image that keeps the most of them, so every image lies in several
 blocks, every edge of the co-visibility graph that a third image supports is in one, whatever the
 order of the images, and a closed turn is wrapped by itself.
+
+Two blocks fix the affinity between them when they have two images in common. Where many images
+share few tracks (each seen in some of a hundred frames), blocks grown one by one rarely do, and the
+series falls into pieces that belong together: there every image also gets a fan of triples, in
+which each pair of neighbouring blocks has two images in common.
 """
 
 from __future__ import annotations
@@ -13,7 +18,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.points import track_pointer
@@ -159,10 +164,98 @@ def _gather(pointer, image_idx, xy, images, tracks, M):  # type: ignore[no-untyp
                 M[2 * row + 1, k] = xy[o, 1]
 
 
+def tied_groups(images: list[Int], num_images: int) -> Int:
+    """Group numbers of blocks, given their images: tied by two images in common, transitively."""
+    if not images:
+        return np.zeros(0, dtype=np.int64)
+    rows = np.concatenate([np.full(len(block), k) for k, block in enumerate(images)])
+    B = sparse.csr_array(
+        (np.ones(len(rows)), (rows, np.concatenate(images))), shape=(len(images), num_images)
+    )
+    tied = sparse.csr_array(B @ B.T)
+    tied.data = (tied.data >= 2).astype(float)
+    tied.eliminate_zeros()
+    return np.asarray(connected_components(tied, directed=False)[1], dtype=np.int64)
+
+
+@numba.njit(cache=True)
+def _count_triples(begin, end, pointer, image_idx, tracks, local, count):  # type: ignore[no-untyped-def]
+    """Tracks of one image that two of its neighbours see as well, by the neighbours' numbers."""
+    for k in range(begin, end):
+        j = tracks[k]
+        for a in range(pointer[j], pointer[j + 1]):
+            m = local[image_idx[a]]
+            if m >= 0:
+                for b in range(pointer[j], a):
+                    n = local[image_idx[b]]
+                    if n >= 0:
+                        count[m, n] += 1
+                        count[n, m] += 1
+
+
+@numba.njit(cache=True)
+def _in_both(a, b):  # type: ignore[no-untyped-def]
+    found = np.empty(min(len(a), len(b)), dtype=np.int64)
+    n, i, j = 0, 0, 0
+    while i < len(a) and j < len(b):
+        if a[i] < b[j]:
+            i += 1
+        elif a[i] > b[j]:
+            j += 1
+        else:
+            found[n] = a[i]
+            n, i, j = n + 1, i + 1, j + 1
+    return found[:n]
+
+
+def fan_triples(
+    seen: Visibility, pairs: list[tuple[int, int]], min_tracks: int
+) -> list[tuple[int, int, int]]:
+    """Triples of images that tie all pairs of an image together, image by image.
+
+    Among the neighbours of an image, tied by the tracks that all three see, the largest spanning
+    tree: every pair of the image is in a triple, neighbouring triples have that pair in common, and
+    a pair is in the fans of both of its images. So the blocks hang together as the pairs do.
+    """
+    num_images = len(seen.common)
+    neighbours: list[list[int]] = [[] for _ in range(num_images)]
+    for i, j in pairs:
+        neighbours[i].append(j)
+        neighbours[j].append(i)
+    local = np.full(num_images, -1, dtype=np.int64)
+    triples = set()
+    for i, near in enumerate(neighbours):
+        local[near] = np.arange(len(near))
+        count = np.zeros((len(near), len(near)), dtype=np.int64)
+        _count_triples(
+            seen.image_pointer[i], seen.image_pointer[i + 1], seen.track_pointer, seen.image_idx,
+            seen.tracks, local, count,
+        )  # fmt: skip
+        local[near] = -1
+        tree = minimum_spanning_tree(sparse.csr_array(np.where(count >= min_tracks, -count, 0)))
+        for a, b in zip(*tree.nonzero(), strict=True):
+            first, second, third = sorted((i, near[a], near[b]))
+            triples.add((first, second, third))
+    return sorted(triples)
+
+
 def select_blocks(observations: Observations, options: FactorizationOptions) -> list[Block]:
-    """The two smallest and the largest block around co-visible pairs, without duplicates."""
+    """The two smallest and the largest block around co-visible pairs, without duplicates.
+
+    When they do not tie all their images together, the fans are added.
+    """
     seen = visibility(observations)
     found: dict[tuple[int, ...], Block] = {}
+
+    def add(images: tuple[int, ...], tracks: Int) -> None:
+        if len(tracks) > options.max_block_tracks:
+            keep = np.linspace(0, len(tracks) - 1, options.max_block_tracks)
+            tracks = tracks[np.round(keep).astype(np.int64)]
+        rows = np.array(images, dtype=np.int64)
+        M = np.full((2 * len(rows), len(tracks)), np.nan)
+        _gather(seen.track_pointer, seen.image_idx, observations.xy, rows, tracks, M)
+        found[images] = Block(images=rows, tracks=tracks, M=M)
+
     pairs = covisible_pairs(seen.common, options.num_block_neighbours, options.min_block_tracks)
     for pair in pairs:
         steps = grow_block(seen, pair, options.max_block_images, options.min_block_tracks)
@@ -170,15 +263,14 @@ def select_blocks(observations: Observations, options: FactorizationOptions) -> 
         # the most tracks and the most images; what lies between adds little
         for images, tracks in [*steps[:2], *steps[2:][-1:]]:
             key = tuple(sorted(images))
-            if key in found:
-                continue
-            if len(tracks) > options.max_block_tracks:
-                keep = np.linspace(0, len(tracks) - 1, options.max_block_tracks)
-                tracks = tracks[np.round(keep).astype(np.int64)]
-            rows = np.array(key, dtype=np.int64)
-            M = np.full((2 * len(rows), len(tracks)), np.nan)
-            _gather(seen.track_pointer, seen.image_idx, observations.xy, rows, tracks, M)
-            found[key] = Block(images=rows, tracks=tracks, M=M)
+            if key not in found:
+                add(key, tracks)
+    tied = tied_groups([block.images for block in found.values()], observations.num_images)
+    if len(np.unique(tied)) > 1 and options.min_block_images <= 3:
+        by_image = np.split(seen.tracks, seen.image_pointer[1:-1])
+        for i, j, k in fan_triples(seen, pairs, options.min_block_tracks):
+            if (i, j, k) not in found:
+                add((i, j, k), _in_both(_in_both(by_image[i], by_image[j]), by_image[k]))
     return list(found.values())
 
 
@@ -188,18 +280,6 @@ class Part:
 
     images: Int
     blocks: list[Block]
-
-
-def tied_groups(images: list[Int], num_images: int) -> Int:
-    """Group numbers of blocks, given their images: tied by two images in common, transitively."""
-    rows = np.concatenate([np.full(len(block), k) for k, block in enumerate(images)])
-    B = sparse.csr_array(
-        (np.ones(len(rows)), (rows, np.concatenate(images))), shape=(len(images), num_images)
-    )
-    tied = sparse.csr_array(B @ B.T)
-    tied.data = (tied.data >= 2).astype(float)
-    tied.eliminate_zeros()
-    return np.asarray(connected_components(tied, directed=False)[1], dtype=np.int64)
 
 
 def connected_parts(blocks: list[Block], num_images: int) -> list[Part]:

@@ -1,9 +1,19 @@
 import numpy as np
 import pytest
 
-from semsfm_colmap.factorization.blocks import covisible_pairs, grow_block, visibility
+from semsfm_colmap.factorization.blocks import (
+    connected_parts,
+    covisible_pairs,
+    fan_triples,
+    grow_block,
+    select_blocks,
+    tied_groups,
+    visibility,
+)
 from semsfm_colmap.factorization.cbc import leading_basis, ransac_support, subspace_error
+from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.synthetic.tracks import simulate_tracks
+from semsfm_colmap.types import Observations
 
 
 def scene():
@@ -48,6 +58,51 @@ def test_neighbours_reach_from_the_closest_to_the_last_with_enough_tracks():
     assert (0, 1) in pairs
     assert (0, 7) in pairs
     assert (0, 8) not in pairs
+
+
+def seldom_seen(num_images=240, num_tracks=48_000, window=40, length=6):
+    """Observations of a closed turn, each track seen in a few images of a wide window."""
+    rng = np.random.default_rng(5)
+    first = rng.integers(0, num_images, num_tracks)
+    picked = rng.random((num_tracks, window)).argpartition(length - 1, axis=1)[:, :length]
+    image_idx = np.sort((first[:, None] + picked) % num_images, axis=1).ravel()
+    n = num_tracks * length
+    return Observations(
+        image_idx=image_idx,
+        track_idx=np.repeat(np.arange(num_tracks), length),
+        keypoint_idx=np.arange(n),
+        xy=rng.normal(size=(n, 2)),
+        num_images=num_images,
+        num_tracks=num_tracks,
+    )
+
+
+def test_fans_hold_every_pair_and_tie_what_the_pairs_tie():
+    obs = seldom_seen()
+    seen = visibility(obs)
+    pairs = covisible_pairs(seen.common, 6, 10)
+    triples = fan_triples(seen, pairs, 10)
+    W = np.zeros((obs.num_images, obs.num_tracks), dtype=bool)
+    W[obs.image_idx, obs.track_idx] = True
+    assert min(int(np.sum(W[i] & W[j] & W[k])) for i, j, k in triples) >= 10
+    groups = tied_groups([np.array(t) for t in triples], obs.num_images)
+    largest = groups == np.argmax(np.bincount(groups))
+    assert np.mean(largest) > 0.99
+    assert len(np.unique(np.array(triples)[largest])) == obs.num_images
+    held = {pair for i, j, k in triples for pair in ((i, j), (i, k), (j, k))}
+    assert np.mean([pair in held for pair in pairs]) > 0.9
+
+
+def test_a_long_series_of_tracks_seen_seldom_is_one_part():
+    obs = seldom_seen()
+    blocks = select_blocks(obs, FactorizationOptions())
+    parts = connected_parts(blocks, obs.num_images)
+    assert [len(part.images) for part in parts] == [obs.num_images]
+    block = blocks[-1]
+    W = np.zeros((obs.num_images, obs.num_tracks), dtype=bool)
+    W[obs.image_idx, obs.track_idx] = True
+    assert np.array_equal(block.tracks, np.flatnonzero(np.all(W[block.images], axis=0)))
+    assert np.all(np.isfinite(block.M))
 
 
 @pytest.mark.parametrize("share", [0.1, 0.4])
