@@ -28,8 +28,9 @@ Matrix = Float | sparse.csc_array
 
 SPARSE_LIMIT = 1500
 """Systems of more parameters are kept sparse when they are."""
-MAX_SPARSE_DENSITY = 0.12
-"""Share of non-zeros up to which the factorization within the band is faster."""
+MAX_SPARSE_DENSITY = 0.2
+"""Share d of non-zeros up to which the factorization within the band is faster: with n parameters,
+d n apart at most, it takes 3.3 d^2 n^3 operations in one thread, the dense one n^3 / 3 in all."""
 MIN_BLOCK = 96
 """Smallest blocks of the factorization within the band: smaller ones do not keep a core busy."""
 BORDER_SHARE = 0.7
@@ -38,6 +39,10 @@ SUM_CHUNKS = 4
 """Partial sums, whatever the number of threads, so that the result does not depend on it."""
 BATCH_OBSERVATIONS = 500_000
 """Jacobians are held for so many observations at a time: 50 MB at six parameters an image."""
+MAX_SCATTERED_PAIRS = 5000
+"""Blocks of so many pairs (1.4 MB at six parameters an image) stay in a core's cache. Where there
+are more, tracks are taken in the order of their first image, whatever their numbers, so that those
+at hand are near one another."""
 PARALLEL_COST = 10
 """What an observation costs here in units of a pass over it (see `threads_for`)."""
 
@@ -52,6 +57,8 @@ class CovisiblePairs:
     """(B,)"""
     second: Int
     """(B,) second <= first"""
+    order: Int | None
+    """(N,) tracks in the order in which they are summed; None: as they are numbered"""
 
 
 @numba.njit(cache=True)
@@ -69,12 +76,16 @@ def covisible_pairs(image_idx: Int, pointer: Int, num_images: int) -> CovisibleP
     first, second = np.nonzero(np.tril(mark | mark.T))
     lookup = np.full((num_images, num_images), -1, dtype=np.int64)
     lookup[first, second] = lookup[second, first] = np.arange(len(first))
-    return CovisiblePairs(lookup=lookup, first=first, second=second)
+    order = None
+    if len(first) > MAX_SCATTERED_PAIRS:
+        seen = np.flatnonzero(np.diff(pointer))
+        order = seen[np.argsort(image_idx[pointer[seen]], kind="stable")]
+    return CovisiblePairs(lookup=lookup, first=first, second=second, order=order)
 
 
 @numba.njit(cache=True, parallel=True)
 def _accumulate(  # type: ignore[no-untyped-def]
-    J, A, r, w, image_idx, pointer, lookup, chunk, begin_row, blocks, gradient, max_len
+    J, A, r, w, image_idx, pointer, tracks, begin_row, lookup, chunk, blocks, gradient, max_len
 ):
     p = J.shape[2]
     for c in numba.prange(len(chunk) - 1):
@@ -83,8 +94,9 @@ def _accumulate(  # type: ignore[no-untyped-def]
         H = np.zeros((3, 3))
         Hinv = np.zeros((3, 3))
         b = np.zeros(3)
-        for j in range(chunk[c], chunk[c + 1]):
-            begin, end = pointer[j], pointer[j + 1]
+        for k in range(chunk[c], chunk[c + 1]):
+            begin, end = pointer[tracks[k]], pointer[tracks[k] + 1]
+            first_row = begin_row[k]
             H[:] = 0.0
             b[:] = 0.0
             for o in range(begin, end):
@@ -94,7 +106,7 @@ def _accumulate(  # type: ignore[no-untyped-def]
             for o in range(begin, end):
                 i = image_idx[o]
                 a = o - begin
-                row = o - begin_row
+                row = first_row + a
                 own = blocks[c, lookup[i, i]]
                 for k in range(p):
                     j0, j1 = w[o] * J[row, 0, k], w[o] * J[row, 1, k]
@@ -125,18 +137,45 @@ def _accumulate(  # type: ignore[no-untyped-def]
                             )
 
 
-def track_batches(pointer: Int) -> Iterator[tuple[int, int]]:
-    """Ranges of tracks (first, last) of at most `BATCH_OBSERVATIONS` each, at least one track."""
-    first, num_tracks = 0, len(pointer) - 1
-    while first < num_tracks:
-        last = int(np.searchsorted(pointer, pointer[first] + BATCH_OBSERVATIONS, side="right")) - 1
-        last = min(max(last, first + 1), num_tracks)
-        yield first, last
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackBatch:
+    """Some tracks whose Jacobians are held at a time."""
+
+    tracks: Int
+    """(n,)"""
+    begin_row: Int
+    """(n + 1,) where each track begins in the batch"""
+    rows: slice | Int
+    """the batch's observations"""
+
+
+def track_batches(pointer: Int, order: Int | None = None) -> Iterator[TrackBatch]:
+    """Batches of at most `BATCH_OBSERVATIONS`, at least one track each.
+
+    Parameters
+    ----------
+    pointer : (N + 1,)
+    order : tracks in the order wanted; None: as they are numbered
+
+    """
+    tracks = np.arange(len(pointer) - 1) if order is None else order
+    begin = np.concatenate([[0], np.cumsum(np.diff(pointer)[tracks])]).astype(np.int64)
+    first = 0
+    while first < len(tracks):
+        last = int(np.searchsorted(begin, begin[first] + BATCH_OBSERVATIONS, side="right")) - 1
+        last = min(max(last, first + 1), len(tracks))
+        begin_row = begin[first : last + 1] - begin[first]
+        some = tracks[first:last]
+        rows: slice | Int = slice(int(begin[first]), int(begin[last]))
+        if order is not None:
+            offset = np.repeat(pointer[some] - begin_row[:-1], np.diff(begin_row))
+            rows = offset + np.arange(len(offset))
+        yield TrackBatch(tracks=some, begin_row=begin_row, rows=rows)
         first = last
 
 
 def accumulate_blocks(
-    jacobian: Callable[[slice], Float],
+    jacobian: Callable[[slice | Int], Float],
     A: Float,
     r: Float,
     w: Float,
@@ -162,17 +201,15 @@ def accumulate_blocks(
     blocks = np.zeros((SUM_CHUNKS, len(pairs.first), num_local, num_local))
     gradient = np.zeros((SUM_CHUNKS, num_images, num_local))
     max_len = int(np.max(np.diff(pointer), initial=1))
-    for first, last in track_batches(pointer):
-        rows = slice(int(pointer[first]), int(pointer[last]))
+    for batch in track_batches(pointer, pairs.order):
         # equal shares of observations
-        targets = np.linspace(rows.start, rows.stop, SUM_CHUNKS + 1)
-        chunk = np.searchsorted(pointer, targets).astype(np.int64)
-        chunk[0], chunk[-1] = first, last
-        chunk = np.clip(chunk, first, last)
-        J = jacobian(rows)
+        targets = np.linspace(0, batch.begin_row[-1], SUM_CHUNKS + 1)
+        chunk = np.searchsorted(batch.begin_row, targets).astype(np.int64)
+        chunk[0], chunk[-1] = 0, len(batch.tracks)
+        J = jacobian(batch.rows)
         with threads_for(PARALLEL_COST * len(J)):
             _accumulate(
-                J, A, r, w, image_idx, pointer, pairs.lookup, chunk, rows.start,
+                J, A, r, w, image_idx, pointer, batch.tracks, batch.begin_row, pairs.lookup, chunk,
                 blocks, gradient, max_len,
             )  # fmt: skip
     return blocks.sum(axis=0), gradient.sum(axis=0)
@@ -202,9 +239,7 @@ def assemble(
     share = len(values) / max(num_params, 1) ** 2
     if num_params > SPARSE_LIMIT and share < MAX_SPARSE_DENSITY:
         return H.tocsc(), g
-    dense = np.zeros(num_params**2)
-    dense += np.bincount(i * num_params + j, weights=values, minlength=num_params**2)
-    return dense.reshape(num_params, num_params), g
+    return H.toarray(), g
 
 
 def add_prior(H: Matrix, jacobian: sparse.csr_array) -> Matrix:

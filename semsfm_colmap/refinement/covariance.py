@@ -23,7 +23,7 @@ from scipy.linalg import LinAlgError, cho_factor, lapack
 from semsfm_colmap.geometry.eliminated import Eliminated, linearise, precision_of
 from semsfm_colmap.geometry.losses import gaussian_constants, weight
 from semsfm_colmap.geometry.points import add_observation, invert_symmetric, track_pointer
-from semsfm_colmap.geometry.reduced import PARALLEL_COST, track_batches
+from semsfm_colmap.geometry.reduced import PARALLEL_COST, covisible_pairs, track_batches
 from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.refinement.bundle import BundleModel
 from semsfm_colmap.types import Array, Float, Observations, OrthographicCameras, Solution
@@ -65,12 +65,14 @@ def gauge_directions(model: BundleModel, cameras: OrthographicCameras) -> Float:
 
 @numba.njit(cache=True, parallel=True)
 def _point_covariance(  # type: ignore[no-untyped-def]
-    J, A, w, image_idx, pointer, first, last, param_idx, C, out
+    J, A, w, image_idx, pointer, tracks, begin_row, param_idx, C, out
 ):
     p = J.shape[2]
-    begin_row = pointer[first]
-    for j in numba.prange(first, last):
+    for t in numba.prange(len(tracks)):
+        j = tracks[t]
         begin, end = pointer[j], pointer[j + 1]
+        # where the track begins in J
+        shift = begin_row[t] - begin
         H = np.zeros((3, 3))
         b = np.zeros(3)
         inverse = np.zeros((3, 3))
@@ -85,7 +87,7 @@ def _point_covariance(  # type: ignore[no-untyped-def]
             for k in range(p):
                 for m in range(3):
                     E[o - begin, k, m] = w[o] * (
-                        J[o - begin_row, 0, k] * A[i, 0, m] + J[o - begin_row, 1, k] * A[i, 1, m]
+                        J[o + shift, 0, k] * A[i, 0, m] + J[o + shift, 1, k] * A[i, 1, m]
                     )
         # B = E^T C E, summed over all pairs of observations of the track
         B = np.zeros((3, 3))
@@ -151,7 +153,8 @@ def estimate_covariance(
     pointer = track_pointer(observations.track_idx, observations.num_tracks)
     precision = precision_of(sigma_px, observations)
     w = information_weight(state, precision)
-    H, _ = linearise(model, replace(state, weight=w), observations, pointer, sigma_px)
+    pairs = covisible_pairs(observations.image_idx, pointer, observations.num_images)
+    H, _ = linearise(model, replace(state, weight=w), observations, pointer, sigma_px, pairs)
     w = w * precision
     S = H.toarray() if sparse.issparse(H) else np.asarray(H)
     N = gauge_directions(model, state.params)
@@ -168,13 +171,16 @@ def estimate_covariance(
         )
     C = inverse_from_factor(factor[0]) - (N @ N.T) / stiffness
     A = np.ascontiguousarray(model.cameras(state.params)[0])
-    points = np.empty((observations.num_tracks, 3, 3))
+    points = np.full((observations.num_tracks, 3, 3), np.nan)
     image_idx, track_idx = observations.image_idx, observations.track_idx
-    for first, last in track_batches(pointer):
-        rows = slice(int(pointer[first]), int(pointer[last]))
+    for batch in track_batches(pointer, pairs.order):
+        rows = batch.rows
         J = model.jacobian(state.params, state.X, image_idx[rows], track_idx[rows])
         with threads_for(PARALLEL_COST * len(J)):
-            _point_covariance(J, A, w, image_idx, pointer, first, last, model.param_idx, C, points)
+            _point_covariance(
+                J, A, w, image_idx, pointer, batch.tracks, batch.begin_row, model.param_idx, C,
+                points,
+            )  # fmt: skip
     variance = np.concatenate([np.maximum(np.diag(C), 0.0), [0.0]])
     sigma: Array = np.sqrt(variance[model.param_idx])
     return Solution(

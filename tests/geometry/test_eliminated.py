@@ -7,7 +7,7 @@ from scipy.linalg import LinAlgError
 
 from semsfm_colmap.geometry import reduced
 from semsfm_colmap.geometry.alignment import align_rotations
-from semsfm_colmap.geometry.eliminated import SolverOptions, minimise
+from semsfm_colmap.geometry.eliminated import SolverOptions, evaluate, linearise, minimise
 from semsfm_colmap.geometry.losses import (
     LOSS_NUMBER,
     gaussian_constants,
@@ -53,6 +53,29 @@ def test_reduced_system_is_the_schur_complement_of_the_full_one(
     H0, g0 = oracle.reduced_system(J, A, r, w, obs.image_idx, obs.track_idx, model.param_idx)
     assert np.allclose(H, H0, atol=1e-9 * np.abs(H0).max())
     assert np.allclose(g, g0, atol=1e-9 * np.abs(g0).max())
+
+
+@pytest.mark.parametrize("batch", [50, 10**6])
+def test_the_order_of_summing_changes_nothing(batch, monkeypatch):
+    monkeypatch.setattr(reduced, "BATCH_OBSERVATIONS", batch)
+    s = simulate_tracks(
+        num_images=20, range_deg=90, num_tracks=200, track_window=5, rng=np.random.default_rng(8)
+    )
+    model = BundleModel.build(
+        20, free_scale=True, free_affine=False, scale_sigma=0.01, affine_sigma=0.01
+    )
+    obs = s.observations
+    pointer = track_pointer(obs.track_idx, obs.num_tracks)
+    state = evaluate(
+        model, s.cameras, obs, pointer, 0.3, SolverOptions(loss="cauchy"), np.ones(len(obs))
+    )
+    H, g = linearise(model, state, obs, pointer, 0.3)
+    monkeypatch.setattr(reduced, "MAX_SCATTERED_PAIRS", 0)
+    pairs = reduced.covisible_pairs(obs.image_idx, pointer, obs.num_images)
+    assert not np.array_equal(pairs.order, np.arange(obs.num_tracks))
+    along, g_along = linearise(model, state, obs, pointer, 0.3, pairs)
+    assert np.allclose(along, H, atol=1e-12 * np.abs(H).max())
+    assert np.allclose(g_along, g, atol=1e-12 * np.abs(g).max())
 
 
 @pytest.mark.parametrize("name", ["squared", "huber", "cauchy"])
