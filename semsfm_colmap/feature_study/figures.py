@@ -31,9 +31,11 @@ COLORS = (
     "#e53e3e",
     "#6b46c1",
     "#718096",
+    "#1a202c",
+    "#9ae600",
 )
 """A colour a detector, most of them told apart by colour-blind readers."""
-MARKERS = "osD^vP*X<>"
+MARKERS = "osD^vP*X<>ph"
 NUM_ELLIPSES = 250
 """Regions drawn in figure 3: the largest response of an even selection."""
 
