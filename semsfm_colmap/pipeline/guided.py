@@ -12,11 +12,10 @@ import numpy as np
 
 from semsfm_colmap.geometry.tracks import keep_tracks
 from semsfm_colmap.matching.guided.grow import Grown, grow_tracks
-from semsfm_colmap.matching.guided.noise import fit_relative_sigma
 from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.pipeline.prepared import read_grey, read_mask
 from semsfm_colmap.refinement.options import RefinementOptions
-from semsfm_colmap.refinement.refine import Refined, expected_share, refine
+from semsfm_colmap.refinement.refine import Refined, refine
 from semsfm_colmap.types import Array, Bool, Float, Int, Observations
 
 if TYPE_CHECKING:
@@ -101,30 +100,19 @@ def refine_guided(
             seeds = step.observations
     if grown is None or len(value.observations) < MIN_KEPT_SHARE * len(first.observations):
         return None
-    weighted = with_own_sigma(grown, value)
-    last = refine(
-        value.cameras,
-        value.images,
-        weighted,
-        replace(refinement, filter_thresholds_px=refinement.filter_thresholds_px[-1:]),
-        rng=rng,
-        seed=seed,
-    )
-    if last.value is None or len(last.value.images) < len(first.images):
-        return None
     return Guided(
-        refined=last.value,
-        observations=weighted,
+        refined=value,
+        observations=grown.observations,
         figures={
             "high_pass_px": grown.high_pass_px,
             "num_places": grown.num_predicted,
             "num_found": len(grown.observations),
             "num_observations_before": len(first.observations),
-            "num_observations": len(last.value.observations),
+            "num_observations": len(value.observations),
             "mean_track_length_before": len(first.observations) / max(len(first.tracks), 1),
-            "mean_track_length": len(last.value.observations) / max(len(last.value.tracks), 1),
+            "mean_track_length": len(value.observations) / max(len(value.tracks), 1),
             "sigma_before_px": first.sigma_px,
-            "sigma_px": last.value.sigma_px,
+            "sigma_px": value.sigma_px,
         },
     )
 
@@ -156,24 +144,6 @@ def _grow(
             obs, image_idx=value.images[obs.image_idx], num_images=observations.num_images
         ),
     )
-
-
-def with_own_sigma(grown: Grown, value: Refined) -> Observations:
-    """The observations with their relative standard deviations, learnt from the inliers."""
-    obs = grown.observations
-    length = np.bincount(obs.track_idx[value.inlier], minlength=obs.num_tracks)
-    share = expected_share(
-        length[obs.track_idx[value.inlier]], len(value.images), int(value.inlier.sum())
-    )
-    relative = fit_relative_sigma(
-        np.asarray(value.state.residuals),
-        share,
-        grown.sigma_px[value.inlier],
-        grown.baseline_sine[value.inlier],
-    )
-    full = np.ones(len(obs))
-    full[value.inlier] = relative
-    return replace(obs, relative_sigma=full)
 
 
 def append_keypoints(

@@ -411,7 +411,7 @@ def reliability(
 ) -> tuple[dict[str, Any], list[str]]:
     """Total rotation with its error bar, the ladder of models, leave-one-out; and what they say."""
     solver = SolverOptions(
-        loss=options.loss,
+        loss=options.last_loss,
         loss_width=options.loss_width,
         cost_tolerance=1e-7,
         absolute_tolerance=1e-2,

@@ -15,7 +15,8 @@ class RefinementOptions:
     (the paper's four rounds from 8 px to 1 px)."""
     min_threshold_sigmas: float = 3.0
     """No round filters below so many robust standard deviations of the residuals: where the noise
-    is larger than the paper's, the last thresholds grow with it."""
+    is larger than the paper's, the last thresholds grow with it. One more round filters at exactly
+    so many, for where the noise is smaller."""
     ransac_trials: int = 15
     """Image pairs tried to triangulate a track."""
     min_track_length: int = 3
@@ -38,9 +39,12 @@ class RefinementOptions:
     """Prior of the scan drift that the comparison of camera models allows for: standard deviation
     of the displacement of the last row of a frame against its first, px."""
     loss: Literal["squared", "huber", "cauchy"] = "cauchy"
-    """Loss of the bundle adjustment."""
+    """Loss of the bundle adjustments while wrong observations are still being filtered."""
+    last_loss: Literal["squared", "huber", "cauchy"] = "squared"
+    """Loss of the last bundle adjustment, over the observations that the filter has left: squares
+    use all they know, and a bundle adjustment of COLMAP's then finds nothing to move."""
     loss_width: float = 2.5
-    """Where the loss bends, in standard deviations of the residuals."""
+    """Where a loss bends, in standard deviations of the residuals."""
     max_iterations: int = 60
     """Most bundle adjustment steps of the last round."""
     depth_sign: Literal["auto", "as_is", "reversed"] = "auto"

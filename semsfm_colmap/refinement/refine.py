@@ -1,7 +1,10 @@
 """Graduated filtering and bundle adjustment [paper, figure 2 and section "Experimental results"].
 
 Each round triangulates every track robustly with the current cameras, keeps the observations within
-the round's threshold and adjusts all cameras to them; the thresholds fall from 8 px to 1 px.
+the round's threshold and adjusts all cameras to them, with a robust loss; the thresholds fall from
+8 px to 1 px. The last round keeps what lies within a few standard deviations and minimises squares:
+with nothing wrong left to guard against, a robust loss only wastes information, and COLMAP
+minimises squares as well, so that both have the same optimum.
 """
 
 from __future__ import annotations
@@ -165,7 +168,7 @@ def adjust_with_angles(refined: Refined, angles: AnglePrior, options: Refinement
         solver=SolverOptions(
             max_iterations=options.max_iterations,
             absolute_tolerance=CHI_SQUARE_TOLERANCE,
-            loss=options.loss,
+            loss=options.last_loss,
             loss_width=options.loss_width,
         ),
     )
@@ -362,16 +365,17 @@ def refine(
             max_iterations=options.max_iterations if last else EARLY_ITERATIONS,
             cost_tolerance=1e-10 if last else 1e-4,
             absolute_tolerance=CHI_SQUARE_TOLERANCE,
-            loss=options.loss,
+            loss=options.last_loss if last else options.loss,
             loss_width=options.loss_width,
         )
-        floor = 0.0
+        wanted = threshold
         if fit is not None:
             # a norm of two coordinates: sqrt(2) sigma is one standard deviation
             floor = options.min_threshold_sigmas * np.sqrt(2.0) * fit.sigma_px
-            images, cameras = register_more(fit, observations, max(threshold, floor), options, rng)
+            wanted = floor if last else max(threshold, floor)
+            images, cameras = register_more(fit, observations, wanted, options, rng)
         # the estimate of sigma wavers a little; a round is never more lenient than the one before
-        allowed = min(max(threshold, floor), rounds[-1].threshold_px if rounds else np.inf)
+        allowed = min(wanted, rounds[-1].threshold_px if rounds else np.inf)
         fit = _adjust(cameras, images, observations, allowed, options, solver, seed, final=last)
         if fit is None:
             direction = np.asarray(cameras.viewing_direction)

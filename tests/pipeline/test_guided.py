@@ -12,6 +12,7 @@ from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.pipeline.reconstruct import run_stages
 from semsfm_colmap.pipeline.record import RunRecord
+from tests.colmap.exports import consumers
 
 PLAIN = config_from_dict({"guided": {"enabled": False}})
 
@@ -46,6 +47,19 @@ def test_tracks_are_longer_and_no_less_right_than_without(project, small_series)
     plain = evaluate(read_model(project / "sparse" / "0"), truth)
     assert guided["mean_track_length"] > 1.05 * plain["mean_track_length"]
     assert guided["rotation_error_median_deg"] < 1.2 * plain["rotation_error_median_deg"]
+
+
+def test_a_bundle_adjuster_of_colmap_leaves_the_cameras_where_they_are(project, tmp_path):
+    """With the default options throughout: the guided pass, its adjustment, the focal length."""
+    model = project / "sparse" / "0"
+    runs = [consumers.py_bundle_adjust]
+    if consumers.has_colmap():
+        runs.append(consumers.cli_bundle_adjust)
+    before = consumers.own_figures(read_model(model))
+    for k, run in enumerate(runs):
+        after = run(model, tmp_path / str(k))
+        assert after.mean_error_px == pytest.approx(before.mean_error_px, abs=0.01)
+        assert consumers.rotation_change_deg(model, tmp_path / str(k)) < 0.02
 
 
 def test_measured_keypoints_keep_their_numbers_and_the_model_refers_to_appended_ones(project):

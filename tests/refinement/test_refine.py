@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from semsfm_colmap.refinement.bundle import bundle_adjust
 from semsfm_colmap.refinement.covariance import estimate_covariance
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import noise_sigma, refine, registered_images
@@ -62,6 +63,28 @@ def test_thresholds_fall_and_no_round_gains_what_the_one_before_had_lost():
     assert fit.rounds[-1].num_observations <= fit.rounds[0].num_observations
 
 
+@pytest.mark.parametrize(("noise", "lower", "upper"), [(0.1, 0.4, 0.45), (0.6, 2.4, 2.7)])
+def test_the_last_round_keeps_three_standard_deviations_whatever_the_noise(noise, lower, upper):
+    """3 sqrt(2) sigma: 0.42 px, where the paper stops at 1 px, and 2.55 px."""
+    s = body(noise_px=noise, outlier_share=0.1)
+    fit = refined(s).value
+    assert lower < fit.rounds[-1].threshold_px < upper
+    assert np.mean(fit.inlier[s.correct]) > 0.9
+
+
+def test_the_last_adjustment_ends_at_the_minimum_of_plain_squares():
+    """That is where COLMAP's bundle adjuster would go from there."""
+    s = body(outlier_share=0.1)
+    turns = {}
+    for loss in ("squared", "cauchy"):
+        fit = refined(s, last_loss=loss).value
+        squares = bundle_adjust(fit.cameras, fit.observations, sigma_px=fit.sigma_px).value[0]
+        change = best_hand_errors_deg(squares.cam_from_world, fit.cameras.cam_from_world)
+        turns[loss] = np.max(change)
+    assert turns["squared"] < 1e-3
+    assert turns["cauchy"] > 5e-3
+
+
 def test_an_image_of_something_else_is_left_out():
     s = body()
     xy = np.array(s.observations.xy)
@@ -96,7 +119,7 @@ def test_error_bars_of_the_rotations_are_true_from_both_sides():
             scale_drift=0.001,
             rng=np.random.default_rng(seed),
         )
-        fit = refined(s, loss="squared").value
+        fit = refined(s).value
         C = estimate_covariance(fit.model, fit.state, fit.observations, 0.3).value
         error = np.deg2rad(
             best_hand_errors_deg(fit.cameras.cam_from_world, s.cameras.cam_from_world)
