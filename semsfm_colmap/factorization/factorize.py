@@ -1,4 +1,7 @@
-"""From observations to Euclidean cameras: blocks -> CBC -> robust polish -> upgrade."""
+"""From observations to Euclidean cameras: blocks -> CBC -> robust polish -> upgrade.
+
+A long series goes through this in overlapping segments, which are then joined (`segments`).
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from semsfm_colmap.factorization.blocks import Block, Part, connected_parts, sel
 from semsfm_colmap.factorization.cbc import factorize_cbc
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.factorization.polish import polish_affine
+from semsfm_colmap.factorization.segments import Segment, cut_into_segments, join_segments
 from semsfm_colmap.factorization.upgrade import upgrade_to_euclidean
 from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
@@ -24,6 +28,8 @@ from semsfm_colmap.types import (
 POLISH_OBSERVATIONS = 400
 """Observations an image that the polish is content with: it is a start for the bundle adjustment,
 which uses all."""
+SEGMENT_OBSERVATIONS = 1200
+"""Observations an image that segments choose from: they lose tracks at their ends, and filter."""
 AFFINE_THRESHOLD_PX = 8.0
 """Reprojection error up to which observations take part in the polish: the paper's first round."""
 
@@ -52,6 +58,64 @@ def factorize(
     used); diagnostics of each step
 
     """
+    number = np.full(observations.num_images, -1, dtype=np.int64)
+    number[part.images] = np.arange(len(part.images))
+    blocks = [Block(images=number[b.images], tracks=b.tracks, M=b.M) for b in part.blocks]
+    segments = cut_into_segments(blocks, len(part.images))
+    if segments:
+        local, _ = keep_tracks(
+            observations, number[observations.image_idx] >= 0, min_length=3, image_number=number
+        )
+        chosen = thin_evenly(local, SEGMENT_OBSERVATIONS)
+        local, _ = keep_tracks(local, chosen[local.track_idx])
+        joined = factorize_segments(segments, local, options, rng)
+        if joined.value is not None:
+            return joined
+    return factorize_whole(part, observations, options, rng)
+
+
+def factorize_segments(
+    segments: list[Part],
+    observations: Observations,
+    options: FactorizationOptions,
+    rng: np.random.Generator,
+) -> Solution[tuple[OrthographicCameras, Float]]:
+    """Segments one by one, then joined; without a value when they leave out images."""
+    fits = [factorize_whole(segment, observations, options, rng) for segment in segments]
+    done = [
+        (Segment(images=segment.images, cameras=fit.value[0], points=fit.value[1]), fit)
+        for segment, fit in zip(segments, fits, strict=True)
+        if fit.value is not None
+    ]
+    found = np.concatenate([s.images for s, _ in done]) if done else np.zeros(0)
+    joined = None
+    if len(np.unique(found)) == observations.num_images:
+        joined = join_segments([s for s, _ in done], observations.num_images)
+    figures = {
+        key: [fit.diagnostics[key] for _, fit in done]
+        for key in ("eigenvalue_gap", "cbc_rms_px", "affine_rms_px", "affine_sigma_px")
+    }
+    return Solution(
+        value=joined,
+        status="ok" if joined else "segments_apart",
+        message="" if joined else "the segments of the series leave out images or fall apart",
+        iterations=sum(fit.iterations for _, fit in done),
+        diagnostics={
+            "num_segments": len(done),
+            **{key: float(np.sqrt(np.mean(np.square(v)))) for key, v in figures.items() if v},
+            # the weakest link
+            "eigenvalue_gap": min(figures["eigenvalue_gap"], default=0.0),
+        },
+    )
+
+
+def factorize_whole(
+    part: Part,
+    observations: Observations,
+    options: FactorizationOptions,
+    rng: np.random.Generator,
+) -> Solution[tuple[OrthographicCameras, Float]]:
+    """Orthographic cameras of one part at once; see `factorize`."""
     number = np.full(observations.num_images, -1, dtype=np.int64)
     number[part.images] = np.arange(len(part.images))
     blocks = [Block(images=number[b.images], tracks=b.tracks, M=b.M) for b in part.blocks]
