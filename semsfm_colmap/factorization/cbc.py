@@ -24,6 +24,8 @@ from scipy.sparse.linalg import splu
 
 from semsfm_colmap.factorization.blocks import Block, tied_groups
 from semsfm_colmap.factorization.options import FactorizationOptions
+from semsfm_colmap.geometry.eliminated import SINGLE_THREAD_LIMIT
+from semsfm_colmap.geometry.threads import blas_threads
 from semsfm_colmap.types import AffineModel, Bool, Float, Int, Solution
 
 MOST = 0.8
@@ -202,7 +204,9 @@ def smallest_eigenvectors(C: sparse.csc_array, count: int) -> tuple[Float, Float
     if C.shape[0] <= DENSE_EIGEN_LIMIT:
         from scipy.linalg import eigh
 
-        values, vectors = eigh(C.toarray(), subset_by_index=[0, count - 1])
+        # several threads on a small matrix only wait for one another
+        with blas_threads(1 if C.shape[0] < SINGLE_THREAD_LIMIT else None):
+            values, vectors = eigh(C.toarray(), subset_by_index=[0, count - 1])
         return values, vectors
     from scipy.sparse.linalg import eigsh
 
