@@ -23,10 +23,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from semsfm_colmap.colmap.database import read_images, read_inlier_matches, read_keypoints
+from semsfm_colmap.colmap.database_38 import write_database_38
 from semsfm_colmap.colmap.model import read_model
 from semsfm_colmap.pipeline.export import export_project
-from tests.colmap.databases import Content, write_38
 from tests.colmap.exports import consumers, readers
 
 BEGIN, END = "<!-- consumers: begin -->", "<!-- consumers: end -->"
@@ -52,29 +51,6 @@ class Row:
                 "" if math.isnan(f.mean_error_px) else f"{f.mean_error_px:.4f}",
             ]
         return f"| {' | '.join([self.program, self.step, *numbers, self.note])} |"
-
-
-def database_38(project: Path, out: Path) -> Path:
-    """The project's keypoints and verified matches in the schema of COLMAP 3.8."""
-    source = project / "database.db"
-    images = read_images(source)
-    ids = tuple(image.image_id for image in images)
-    number = {image_id: k for k, image_id in enumerate(ids)}
-    keypoints = read_keypoints(source, ids)
-    size = tuple(int(v) for v in read_model(project / "sparse" / "0").image_size_px[0])
-    extra = [1.0, 0.0, 0.0, 1.0]
-    content = Content(
-        names=tuple(image.name for image in images),
-        ids=ids,
-        size=(size[0], size[1]),
-        keypoints=tuple(
-            np.hstack([keypoints[i], np.tile(extra, (len(keypoints[i]), 1))]) for i in ids
-        ),
-        verified={
-            (number[a], number[b]): rows for (a, b), rows in read_inlier_matches(source).items()
-        },
-    )
-    return write_38(out, content)
 
 
 def model_rows(project: Path, work: Path) -> list[Row]:
@@ -103,7 +79,8 @@ def model_rows(project: Path, work: Path) -> list[Row]:
         out = work / "ba38"
         add(name, "bundle_adjuster", lambda: consumers.cli_bundle_adjust(model, work / "ba38"))
         rows[-1] = Row(*(rows[-1].program, rows[-1].step, rows[-1].figures), turned(out))
-        database = database_38(project, work / "d38.db")
+        database = work / "d38.db"
+        write_database_38(project / "database.db", database)
         add(
             name,
             "point_triangulator",

@@ -19,6 +19,7 @@ FormatName = Literal[
     "colmap-text",
     "colmap-float32",
     "colmap-dense",
+    "database-38",
     "openmvs",
     "bundler",
     "nvm",

@@ -50,7 +50,10 @@ def export_project(
     if not model_path.is_dir():
         raise InputError(f"{model_path} does not exist: run `semsfm map` first")
     target = project.path / "export" / format_name if output_path is None else Path(output_path)
-    scene = read_scene(model_path, project.images, options, project.masks_or_none)
+    scene = replace(
+        read_scene(model_path, project.images, options, project.masks_or_none),
+        database_path=project.database,
+    )
     # the depth maps are those of the first model
     names = depth_map_names(project, scene.reconstruction) if model == 0 else []
     if chosen.uses_depth and names:

@@ -59,6 +59,11 @@ FORMATS: dict[str, Format] = {
         name_rule=LIST_NAME,
         uses_depth=True,
     ),
+    "database-38": Format(
+        module="database_38",
+        description="the database in COLMAP 3.8's schema, and the model that shares its ids",
+        copies_images=False,
+    ),
     "openmvs": Format(
         module="openmvs",
         description="images/ and sparse/ as InterfaceCOLMAP reads them",

@@ -52,6 +52,8 @@ class ExportScene:
     """Folder of the project's images"""
     mask_path: Path | None = None
     """Folder of masks in COLMAP's convention"""
+    database_path: Path | None = None
+    """The project's database"""
     num_dense_views: int = 0
     dense_views: Callable[[], Iterator[DenseView]] = lambda: iter(())
     """The depth maps, one at a time"""

@@ -107,6 +107,7 @@ def write_project(path: Path, *, special: bool) -> Path:
         scaled = replace(depth_map, depth=(depth_map.depth * UNIT).astype(np.float32))
         write_depth_map(path / "dense" / "depth_maps", scaled)
     write_ply(path / "dense" / "fused.ply", PointCloud(points=made.points))
+    write_4x(path / "database.db", database_content(made))
     return path
 
 

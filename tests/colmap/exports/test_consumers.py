@@ -95,6 +95,14 @@ class TestColmapCommandLine:
         images = plain_project / "images"
         assert_same(consumers.cli_triangulate(model, databases[0], images, tmp_path), ours)
 
+    def test_point_triangulator_takes_the_project_s_database_as_it_is_exported(
+        self, plain_project, ours, tmp_path
+    ) -> None:
+        export_project(plain_project, "database-38", tmp_path / "old")
+        model, database = tmp_path / "old" / "sparse", tmp_path / "old" / "database.db"
+        images = plain_project / "images"
+        assert_same(consumers.cli_triangulate(model, database, images, tmp_path / "new"), ours)
+
     def test_image_undistorter_changes_nothing(self, plain_project, model, ours, tmp_path) -> None:
         assert_same(consumers.cli_undistort(model, plain_project / "images", tmp_path), ours)
         copied = sorted(p.name for p in (tmp_path / "images").iterdir())

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from semsfm_colmap.cli.export import FormatName
+from semsfm_colmap.colmap.database import read_images
+from semsfm_colmap.colmap.database_reader import read_database
 from semsfm_colmap.colmap.exports.options import FormatOptions
 from semsfm_colmap.colmap.exports.registry import FORMATS, find_format
 from semsfm_colmap.colmap.exports.scene import ExportScene, Summary
@@ -183,6 +188,45 @@ class TestColmapText(SceneContract):
 
     def read(self, folder: Path) -> readers.Scene:
         return readers.read_text(folder)
+
+
+class TestDatabase38(SceneContract):
+    name = "database-38"
+
+    def read(self, folder: Path) -> readers.Scene:
+        return readers.read_binary(folder / "sparse")
+
+    def names(self, folder: Path) -> set[str]:
+        with closing(sqlite3.connect(folder / "database.db")) as db:
+            stored = {row[0] for row in db.execute("SELECT name FROM images")}
+        assert stored == super().names(folder)
+        return stored
+
+    def test_database_and_model_share_ids_and_keypoints(self, plain_project, exported):
+        folder, _ = exported
+        ids = {image.image_id: image.name for image in read_images(plain_project / "database.db")}
+        with read_database(folder / "database.db") as reader:
+            assert {image.image_id: image.name for image in reader.images()} == ids
+            stored = {name: reader.keypoints(image_id) for image_id, name in ids.items()}
+        for name, view in self.read(folder).views.items():
+            assert np.allclose(stored[name][:, :2], view.xy, atol=1e-4)
+
+    def test_without_a_database_it_says_so(self, plain_project, tmp_path):
+        shutil.copytree(plain_project, tmp_path / "p")
+        (tmp_path / "p" / "database.db").unlink()
+        with pytest.raises(InputError, match=r"database\.db does not exist"):
+            export_project(tmp_path / "p", self.name, tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+
+    def test_a_plain_name_that_another_image_has_is_refused(self, plain_project, tmp_path):
+        """The database knows an image that the model does not hold."""
+        shutil.copytree(plain_project, tmp_path / "p")
+        with closing(sqlite3.connect(tmp_path / "p" / "database.db")) as db:
+            db.execute("INSERT INTO images (name, camera_id) VALUES ('image_0002.png', 1)")
+            db.commit()
+        options = FormatOptions(plain_names=True)
+        with pytest.raises(InputError, match="has one of the plain names already"):
+            export_project(tmp_path / "p", self.name, tmp_path / "out", options=options)
 
 
 class TestColmapFloat32(SceneContract):
