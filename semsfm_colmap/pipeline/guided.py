@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from semsfm_colmap.geometry.alignment import align_rotations
+from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.geometry.tracks import keep_tracks
 from semsfm_colmap.matching.guided.grow import Grown, grow_tracks
 from semsfm_colmap.matching.guided.options import GuidedOptions
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from semsfm_colmap.pipeline.mapping import MappedPart
 
 IMAGES_IN_MEMORY = 64
+SETTLED_GROWTH = 1.2
+"""A pass that multiplies the observations by more calls for another."""
 MIN_KEPT_SHARE = 0.9
 """A pass that leaves fewer observations than this share is not an improvement."""
 
@@ -33,20 +37,35 @@ class Guide:
     read_image: Callable[[int], Array]
     """number in the series -> pixels (H, W)"""
     read_mask: Callable[[int], Bool | None]
+    read_keypoints: Callable[[int], Float]
+    """number in the series -> all measured keypoints (K, 2) px"""
     options: GuidedOptions
 
 
 def guide_from_folders(
-    image_path: Path, mask_path: Path | None, names: Sequence[str], options: GuidedOptions
+    image_path: Path,
+    mask_path: Path | None,
+    keypoints: Mapping[str, Float],
+    options: GuidedOptions,
 ) -> Guide:
-    """Read prepared images, and masks of COLMAP's convention, when they are needed."""
+    """Read prepared images, and masks of COLMAP's convention, when they are needed.
+
+    Parameters
+    ----------
+    keypoints : (K, 2) px of each image, in the order of the series
+
+    """
+    names = list(keypoints)
 
     @lru_cache(maxsize=IMAGES_IN_MEMORY)
     def read_image(i: int) -> Array:
         return read_grey(image_path / names[i])
 
     return Guide(
-        read_image=read_image, read_mask=lambda i: read_mask(mask_path, names[i]), options=options
+        read_image=read_image,
+        read_mask=lambda i: read_mask(mask_path, names[i]),
+        read_keypoints=lambda i: keypoints[names[i]],
+        options=options,
     )
 
 
@@ -89,15 +108,19 @@ def refine_guided(
         )
         if adjusted.value is None or len(adjusted.value.images) < len(first.images):
             return None
+        turned = camera_turn(value, adjusted.value)
+        growth = len(adjusted.value.observations) / max(len(value.observations), 1)
         value, grown = adjusted.value, step
         say(
             f"guided pass {k + 1}: structure finer than {step.high_pass_px:g} px, "
             f"{len(step.observations)} of {step.num_predicted} places found, "
             f"{len(value.tracks)} points, {len(value.observations)} observations, "
-            f"sigma {value.sigma_px:.3f} px"
+            f"sigma {value.sigma_px:.3f} px, cameras turned by {np.rad2deg(turned):.3f} deg"
         )
         if k > 0:
             seeds = step.observations
+            if turned < np.deg2rad(guide.options.converged_deg) and growth < SETTLED_GROWTH:
+                break
     if grown is None or len(value.observations) < MIN_KEPT_SHARE * len(first.observations):
         return None
     return Guided(
@@ -117,6 +140,19 @@ def refine_guided(
     )
 
 
+def camera_turn(before: Refined, after: Refined) -> float:
+    """Root mean square angle by which an adjustment turned the cameras, rad, but for a common one.
+
+    Infinite where it registered other images.
+    """
+    if not np.array_equal(before.images, after.images):
+        return float("inf")
+    old, new = before.cameras.cam_from_world, after.cameras.cam_from_world
+    back = np.swapaxes(old, 1, 2)
+    turn = rotation_angle(new @ align_rotations(new, old) @ back)
+    return float(np.sqrt(np.mean(turn**2)))
+
+
 def _grow(
     value: Refined, observations: Observations, guide: Guide, *, extend: bool, seed: int
 ) -> Grown | None:
@@ -133,6 +169,7 @@ def _grow(
         guide.options,
         extend=extend,
         read_mask=lambda i: guide.read_mask(int(value.images[i])),
+        read_keypoints=lambda i: guide.read_keypoints(int(value.images[i])),
         seed=seed,
     )
     if grown is None:

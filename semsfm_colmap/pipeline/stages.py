@@ -222,9 +222,7 @@ def map_(project: Project, config: Config, reporter: Reporter, record: RunRecord
         reporter,
         sparse_path=project.sparse,
         image_path=project.images,
-        guide=guide_from_folders(
-            project.images, project.masks_or_none, series.names, config.guided
-        ),
+        guide=guide_from_folders(project.images, project.masks_or_none, keypoints, config.guided),
         write_guided=lambda extended, parts: write_guided(
             project.database, images, keypoints, extended, parts, config.matching.min_num_inliers
         ),

@@ -17,10 +17,16 @@ from semsfm_colmap.matching.guided.align import (
     prepare_templates,
     read_patches,
 )
+from semsfm_colmap.matching.guided.candidates import add_candidates
 from semsfm_colmap.matching.guided.distinct import distinct_tracks
 from semsfm_colmap.matching.guided.filtering import band_pass
 from semsfm_colmap.matching.guided.options import GuidedOptions
-from semsfm_colmap.matching.guided.predict import References, frontal_references, predict
+from semsfm_colmap.matching.guided.predict import (
+    References,
+    Seeds,
+    frontal_references,
+    predict,
+)
 from semsfm_colmap.types import Array, Bool, Float, Int, Observations, OrthographicCameras
 
 HIGH_PASS_PX = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0)
@@ -46,15 +52,6 @@ class Grown:
     num_predicted: int
     """how many places were looked at"""
     high_pass_px: float
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Seeds:
-    """Points to look for."""
-
-    points: Float
-    normals: Float
-    references: References
 
 
 def find_seeds(
@@ -175,6 +172,7 @@ def grow_tracks(
     *,
     extend: bool = True,
     read_mask: Callable[[int], Bool | None] = lambda i: None,
+    read_keypoints: Callable[[int], Float] | None = None,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Grown | None:
@@ -188,6 +186,7 @@ def grow_tracks(
     extend : False aligns the known observations only, from where they were measured: what a model
         that is still biased should do first, for its predictions are
     read_mask : number -> True where the specimen is, or None
+    read_keypoints : number -> (K, 2) px; those without a track are tried as points when extending
 
     Returns
     -------
@@ -198,9 +197,18 @@ def grow_tracks(
     if start is None:
         return None
     seeds, known = start
-    high_pass = choose_high_pass(
-        cameras, seeds, known, read_image, options, np.random.default_rng(seed)
-    )
+    rng = np.random.default_rng(seed)
+    high_pass = choose_high_pass(cameras, seeds, known, read_image, options, rng)
+    if extend and read_keypoints is not None:
+        seeds = add_candidates(
+            cameras,
+            seeds,
+            known,
+            read_keypoints,
+            max_shift_px=options.max_shift_px,
+            max_num_points=options.fill_up_to,
+            rng=rng,
+        )
     templates = reference_templates(seeds.references, read_image, high_pass, options)
     # a reference view is its own measurement
     usable = np.flatnonzero(templates.usable)

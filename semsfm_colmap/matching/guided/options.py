@@ -13,9 +13,12 @@ class GuidedOptions:
 
     enabled: bool = True
     """Do the second pass."""
-    rounds: int = 2
-    """Passes, each from the model that the one before has led to: the first aligns what is known,
-    the others look everywhere."""
+    rounds: int = 5
+    """Most passes, each from the model that the one before has led to: the first aligns what is
+    known, the others look everywhere."""
+    converged_deg: float = 0.02
+    """Once a pass turns the cameras by less than this (root mean square) there is no other, unless
+    it found many new observations."""
     patch_radius_px: int = 8
     """Half width of the aligned patch: a larger one is less noisy, but bends further away from its
     tangent plane and from its own brightness."""
@@ -37,3 +40,6 @@ class GuidedOptions:
     same spot."""
     min_track_length: int = 3
     """Shorter tracks are not kept."""
+    fill_up_to: int = 10000
+    """While there are fewer points than this, keypoints without a match are tried as points too,
+    where the surface around them is known; 0: never."""

@@ -22,6 +22,15 @@ class References:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Seeds:
+    """Points to look for."""
+
+    points: Float
+    normals: Float
+    references: References
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Predictions:
     """Points that one image should see."""
 
