@@ -149,7 +149,7 @@ def interpolated(
     middle = np.median(depth, axis=1)
     scale = float(np.linalg.norm(cameras.projection[image, 0]))
     robust = 1.4826 * np.median(np.abs(depth - middle[:, None]), axis=1) * scale
-    reached = distance[:, -1] < MAX_NEIGHBOR_DISTANCE_PX
+    reached = np.asarray(distance)[:, -1] < MAX_NEIGHBOR_DISTANCE_PX
     spread[reached] = robust[reached]
     normal = known_normals[idx].mean(axis=1)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
