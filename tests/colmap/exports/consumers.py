@@ -29,6 +29,8 @@ from semsfm_colmap.types import Reconstruction
 from tests.colmap.exports import readers
 
 TIMEOUT_S = 600
+MAX_SLANT_DEG = 60.0
+"""Between a surface's normal and the viewer, for open3d's TSDF."""
 
 
 @dataclass(frozen=True)
@@ -250,7 +252,9 @@ def open3d_tsdf(workspace: Path, preset: DensePreset, voxel: float) -> np.ndarra
 
     open3d takes the direction of a ray as the difference of two points one unit apart, in float32
     and in the world: with cameras D units away its error is some 1e-7 D^2. So the world is shrunk
-    until the cameras are one unit away.
+    until the cameras are one unit away. It also weighs all depths alike, and along the ray, where
+    an error across a surface seen at a slant counts several times: what is seen at more than
+    `MAX_SLANT_DEG` by our normal maps is left out.
     """
     import open3d
     from open3d.core import Dtype, Tensor
@@ -267,7 +271,11 @@ def open3d_tsdf(workspace: Path, preset: DensePreset, voxel: float) -> np.ndarra
     for name in (workspace / "stereo" / "fusion.cfg").read_text(encoding="utf-8").splitlines():
         view = scene.views[name]
         path = workspace / "stereo" / "depth_maps" / f"{name}.geometric.bin"
-        depth = readers.read_colmap_map(path)
+        depth = np.array(readers.read_colmap_map(path))
+        normal = readers.read_colmap_map(
+            workspace / "stereo" / "normal_maps" / f"{name}.geometric.bin"
+        )
+        depth[~(-normal[..., 2] > np.cos(np.radians(MAX_SLANT_DEG)))] = 0.0
         scaling = np.array(depth.shape[::-1]) / view.size
         K = np.diag([*scaling, 1.0]) @ view.K
         pose = np.eye(4)
