@@ -49,17 +49,33 @@ def test_tracks_are_longer_and_no_less_right_than_without(project, small_series)
     assert guided["rotation_error_median_deg"] < 1.2 * plain["rotation_error_median_deg"]
 
 
-def test_a_bundle_adjuster_of_colmap_leaves_the_cameras_where_they_are(project, tmp_path):
-    """With the default options throughout: the guided pass, its adjustment, the focal length."""
-    model = project / "sparse" / "0"
+def assert_bundle_adjusters_leave_the_cameras(model, folder):
+    """pycolmap's and, where it is installed, that of COLMAP's command line."""
     runs = [consumers.py_bundle_adjust]
     if consumers.has_colmap():
         runs.append(consumers.cli_bundle_adjust)
     before = consumers.own_figures(read_model(model))
     for k, run in enumerate(runs):
-        after = run(model, tmp_path / str(k))
+        after = run(model, folder / str(k))
         assert after.mean_error_px == pytest.approx(before.mean_error_px, abs=0.01)
-        assert consumers.rotation_change_deg(model, tmp_path / str(k)) < 0.02
+        assert consumers.rotation_change_deg(model, folder / str(k)) < 0.02
+
+
+def test_a_bundle_adjuster_of_colmap_leaves_the_cameras_where_they_are(project, tmp_path):
+    """With the default options throughout: the guided pass, its adjustment, the focal length."""
+    assert_bundle_adjusters_leave_the_cameras(project / "sparse" / "0", tmp_path)
+
+
+@pytest.mark.data
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["sem_quartz3", "sem_pot1"])
+def test_and_so_it_does_with_real_series(data_path, tmp_path, name):
+    """Few images that turn little: what hardly holds the angles moves them most."""
+    series = data_path / name
+    images = series / "images" if (series / "images").is_dir() else series
+    stages = ("ingest", "extract", "match", "map")
+    run_stages(tmp_path / "p", Config(), names=stages, image_path=images)
+    assert_bundle_adjusters_leave_the_cameras(tmp_path / "p" / "sparse" / "0", tmp_path)
 
 
 def test_measured_keypoints_keep_their_numbers_and_the_model_refers_to_appended_ones(project):
