@@ -45,6 +45,7 @@ from semsfm_colmap.refinement.model_choice import (
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, adjust_with_angles, refine
 from semsfm_colmap.tracks.diagnosis import diagnose_tracks
+from semsfm_colmap.tracks.split import split_tracks
 from semsfm_colmap.types import Float, Int, Observations, Reconstruction, Solution
 
 GAUGE = (
@@ -154,10 +155,18 @@ def map_observations(
             f"affine residual {start.diagnostics['affine_rms_px']:.3f} px"
         )
         cameras, _ = start.value
+        seen = split_tracks(
+            observations,
+            cameras,
+            part.images,
+            min_length=refinement.min_track_length,
+            trials=refinement.ransac_trials,
+            seed=seed,
+        )
         refined = refine(
             cameras,
             part.images,
-            observations,
+            seen,
             refinement,
             rng=rng,
             seed=seed,
@@ -171,11 +180,11 @@ def map_observations(
                 value=None, status=refined.status, message=refined.message
             )
             continue
-        first, used = refined.value, observations
+        first, used = refined.value, seen
         value, figures = first, {}
         if guide is not None and guide.options.enabled:
             second = refine_guided(
-                first, observations, guide, refinement, rng=rng, seed=seed, say=say
+                first, seen, guide, refinement, rng=rng, seed=seed, say=say
             )
             if second is None:
                 say("guided pass: it finds less than is known already, and was left out")
