@@ -15,6 +15,7 @@ from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.geometry.tracks import keep_tracks
 from semsfm_colmap.matching.guided.grow import Grown, grow_tracks
 from semsfm_colmap.matching.guided.options import GuidedOptions
+from semsfm_colmap.pipeline.guided_last import adjust_last
 from semsfm_colmap.pipeline.prepared import read_grey, read_mask
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, refine
@@ -76,6 +77,8 @@ class Guided:
     refined: Refined
     observations: Observations
     """of the whole series' images; `keypoint_idx` counts from 0 within each image"""
+    drift_px: Float
+    """(num_images, 2) what was taken out of the observations, from the first row to the last"""
     figures: dict[str, Any]
 
 
@@ -84,12 +87,17 @@ def refine_guided(
     observations: Observations,
     guide: Guide,
     refinement: RefinementOptions,
+    height_px: Float,
     *,
     rng: np.random.Generator,
     seed: int,
     say: Callable[[str], None],
 ) -> Guided | None:
     """Align the known observations, then look for every point everywhere; adjust after each.
+
+    Parameters
+    ----------
+    height_px : heights of all images of the series
 
     Returns
     -------
@@ -123,19 +131,32 @@ def refine_guided(
                 break
     if grown is None or len(value.observations) < MIN_KEPT_SHARE * len(first.observations):
         return None
+    end = adjust_last(
+        grown,
+        value,
+        refinement,
+        height_px,
+        own_weights=guide.options.own_weights,
+        rng=rng,
+        seed=seed,
+    )
+    if end is None:
+        return None
+    last = end.refined
     return Guided(
-        refined=value,
-        observations=grown.observations,
+        refined=last,
+        observations=end.observations,
+        drift_px=end.drift_px,
         figures={
             "high_pass_px": grown.high_pass_px,
             "num_places": grown.num_predicted,
             "num_found": len(grown.observations),
             "num_observations_before": len(first.observations),
-            "num_observations": len(value.observations),
+            "num_observations": len(last.observations),
             "mean_track_length_before": len(first.observations) / max(len(first.tracks), 1),
-            "mean_track_length": len(value.observations) / max(len(value.tracks), 1),
+            "mean_track_length": len(last.observations) / max(len(last.tracks), 1),
             "sigma_before_px": first.sigma_px,
-            "sigma_px": value.sigma_px,
+            "sigma_px": last.sigma_px,
         },
     )
 

@@ -14,16 +14,19 @@ import numpy as np
 from semsfm_colmap.factorization.degeneracy import RankDiagnosis, diagnose_rank
 from semsfm_colmap.factorization.factorize import factorize, find_parts
 from semsfm_colmap.factorization.options import FactorizationOptions
-from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.geometry.rotations import (
     MIRROR_Z,
     depth_reversed,
     rotation_angle,
-    vector_from_rotation,
 )
 from semsfm_colmap.ingest.tilt import TiltPrior, check_tilt, combine_tilt
 from semsfm_colmap.pipeline.guided import Guide, refine_guided
-from semsfm_colmap.refinement.covariance import Covariance, estimate_covariance
+from semsfm_colmap.pipeline.reliability import (
+    SMALL_ROTATION_DEG,
+    covariance_of,
+    reliability,
+    total_rotation_sigma,
+)
 from semsfm_colmap.refinement.depth_reversal import (
     apply_user_word,
     axis_from_receding_edge,
@@ -33,14 +36,8 @@ from semsfm_colmap.refinement.depth_reversal import (
     visibility_cues,
 )
 from semsfm_colmap.refinement.known_angles import angle_prior
-from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import (
-    DRIFT_RUNG,
-    MAX_TRACKS,
-    compare_models,
-    thin_tracks,
     total_rotation,
-    widest_pair,
 )
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, adjust_with_angles, refine
@@ -63,8 +60,12 @@ RELIABILITY = (
     "models",
     "leave_one_out",
     "scan_drift",
+    "drift_px",
 )
-"""Diagnostics that say how far to trust a model."""
+"""Diagnostics that say how far to trust a model. `drift_px`: what was taken out of the observations
+of each image, displacement in x and y of the last row against the first."""
+NOTED_DRIFT_PX = 0.1
+"""Scan drift below this is not worth a sentence."""
 WEAK_GAP = 1.5
 """Fourth over third eigenvalue of the camera basis constraints: 1.05 for a chain whose slow bending
 noise hides, above 2 for all series that came out right."""
@@ -74,8 +75,6 @@ WEAK_NOTE = (
 )
 EQUAL_TILTS_DEG = 0.1
 """Recorded tilts that differ by less are equal: stages are read to 0.1 deg at best."""
-SMALL_ROTATION_DEG = 15.0
-"""Below this total rotation the angle is seen in second order only."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,6 +125,7 @@ def map_observations(
     """
     say = note or (lambda sentence: None)
     rng = np.random.default_rng(seed)
+    height_px = image_size_px[:, 1].astype(float)
     parts = find_parts(observations, factorization)
     tracks = diagnose_tracks(observations)
     if not parts:
@@ -181,17 +181,33 @@ def map_observations(
             )
             continue
         first, used = refined.value, seen
-        value, figures = first, {}
+        value, figures, drift_sigma, drift_said = first, {}, 0.0, []
         if guide is not None and guide.options.enabled:
             second = refine_guided(
-                first, seen, guide, refinement, rng=rng, seed=seed, say=say
+                first,
+                seen,
+                guide,
+                refinement,
+                height_px,
+                rng=rng,
+                seed=seed,
+                say=say,
             )
             if second is None:
                 say("guided pass: it finds less than is known already, and was left out")
             else:
                 value, used = second.refined, second.observations
-                figures = {"guided": second.figures}
-        value, tilt_figures, tilt_notes = with_known_tilt(value, image_names, refinement, tilt)
+                drift = second.drift_px[value.images].tolist()
+                names = [image_names[i] for i in value.images]
+                figures = {
+                    "guided": second.figures,
+                    "drift_px": dict(zip(names, drift, strict=True)),
+                }
+                drift_sigma = refinement.drift_sigma_px
+                drift_said = drift_notes(second.drift_px)
+        value, tilt_figures, tilt_notes = with_known_tilt(
+            value, image_names, refinement, tilt, height_px, drift_sigma
+        )
         if start.diagnostics.get("eigenvalue_gap", np.inf) < WEAK_GAP:
             tilt_notes = [WEAK_NOTE, *tilt_notes]
         mapped.append(
@@ -204,9 +220,10 @@ def map_observations(
                 pixel_size_um,
                 pixel_size_source,
                 {**start.diagnostics, **figures, **tilt_figures},
-                tilt_notes,
+                [*tilt_notes, *drift_said],
                 tilt,
                 first,
+                drift_sigma,
             )
         )
         say(mapped[-1].reconstruction.depth_sign.message)
@@ -222,6 +239,17 @@ def map_observations(
         notes["several_parts"] = ""
     # "ok", or what is to be said of the series, its sentences among the notes
     return Solution(value=mapped, status=", ".join(notes) or "ok")
+
+
+def drift_notes(drift_px: Float) -> list[str]:
+    """What to say of the scan drift taken out of a part."""
+    largest = float(np.abs(drift_px).max(initial=0.0))
+    if largest < NOTED_DRIFT_PX:
+        return []
+    return [
+        "the specimen drifted while the frames were scanned, the last row against the first by up "
+        f"to {largest:.2f} px; the observations are given as they would be without (drift_px)"
+    ]
 
 
 def without_depth(rank: RankDiagnosis, tilt: TiltPrior | None, names: list[str]) -> tuple[str, str]:
@@ -257,17 +285,21 @@ def finish(
     tilt_notes: list[str],
     tilt: TiltPrior | None,
     first: Refined,
+    drift_sigma_px: float,
 ) -> MappedPart:
     """Error bars, hand, gauge and world unit of a refined part.
 
     The hand is judged on the `first` model: what its tracks see is what matching found by itself,
     a guided pass sees what the model says should be seen.
+
+    Parameters
+    ----------
+    drift_sigma_px : prior of the scan drift where it was taken out of the observations, else 0
+
     """
-    covariance = estimate_covariance(
-        refined.model, refined.state, refined.observations, refined.sigma_px
-    ).value
-    cameras, points = refined.cameras, refined.points
     sizes = image_size_px[refined.images]
+    covariance = covariance_of(refined, sizes[:, 1].astype(float), drift_sigma_px)
+    cameras, points = refined.cameras, refined.points
     figures, notes = reliability(
         refined, covariance, options, sizes[:, 1].astype(float), tilt_known=tilt is not None
     )
@@ -367,6 +399,8 @@ def with_known_tilt(
     image_names: tuple[str, ...],
     options: RefinementOptions,
     tilt: TiltPrior | None,
+    height_px: Float,
+    drift_sigma_px: float,
 ) -> tuple[Refined, dict[str, Any], list[str]]:
     """Adjust with the known tilt when the images agree with it; else say so and leave it out.
 
@@ -386,9 +420,7 @@ def with_known_tilt(
         "tolerance": None if np.isnan(check.tolerance) else check.tolerance,
     }
     known = angle_prior(*known_tilts(tilt, names))
-    covariance = estimate_covariance(
-        refined.model, refined.state, refined.observations, refined.sigma_px
-    ).value
+    covariance = covariance_of(refined, height_px[refined.images], drift_sigma_px)
     if not check.consistent or known is None or covariance is None or np.isnan(check.factor):
         return refined, {"tilt_prior": figures}, [check.message]
     range_sigma = total_rotation_sigma(refined, covariance)
@@ -408,97 +440,6 @@ def with_known_tilt(
         f"({tilt.source}) the angles changed by {100 * (combined.stretch - 1):+.2f} %"
     )
     return adjusted, {"tilt_prior": figures}, [note]
-
-
-def reliability(
-    refined: Refined,
-    covariance: Covariance | None,
-    options: RefinementOptions,
-    height_px: Float,
-    *,
-    tilt_known: bool,
-) -> tuple[dict[str, Any], list[str]]:
-    """Total rotation with its error bar, the ladder of models, leave-one-out; and what they say."""
-    solver = SolverOptions(
-        loss=options.last_loss,
-        loss_width=options.loss_width,
-        cost_tolerance=1e-7,
-        absolute_tolerance=1e-2,
-        max_iterations=options.max_iterations,
-    )
-    sigma_deg = 0.0
-    range_deg = float(np.rad2deg(total_rotation(np.asarray(refined.cameras.cam_from_world))))
-    if covariance is not None:
-        sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, covariance)))
-    comparison = compare_models(
-        refined.cameras,
-        refined.observations,
-        scale_sigma=options.scale_sigma,
-        affine_sigma=options.affine_sigma,
-        sigma_px=refined.sigma_px,
-        range_sigma_rad=np.deg2rad(sigma_deg),
-        height_px=height_px,
-        drift_sigma_px=options.drift_sigma_px,
-        solver=solver,
-    )
-    jackknife = leave_one_out(
-        refined.cameras,
-        thin_tracks(refined.observations, MAX_TRACKS),
-        camera_model=options.camera_model,
-        scale_sigma=options.scale_sigma,
-        affine_sigma=options.affine_sigma,
-        sigma_px=refined.sigma_px,
-        solver=solver,
-    )
-    notes = []
-    if range_deg < SMALL_ROTATION_DEG:
-        notes.append(
-            f"the total rotation is only {range_deg:.2f} deg (sigma {sigma_deg:.2f}): angles and "
-            "depths are weakly determined; tilt further"
-            + ("" if tilt_known else ", or give the known tilt")
-        )
-    if comparison.depth_uncertainty > 0.01 and "disagree" in comparison.message:
-        notes.append(comparison.message)
-    drift = 0.0 if comparison.drift_px is None else float(np.max(np.abs(comparison.drift_px)))
-    if comparison.best == DRIFT_RUNG:
-        notes.append(
-            "rows within the frames are displaced, the last against the first by up to "
-            f"{drift:.2f} px: stage creep or charging while a frame was scanned; a camera model "
-            "with that drift explains the images best, the cameras written do not have it; scan "
-            "faster, or wait longer after each tilt"
-        )
-    figures: dict[str, Any] = {
-        "total_rotation_deg": range_deg,
-        "total_rotation_sigma_deg": sigma_deg,
-        "models": [asdict(rung) for rung in comparison.rungs],
-        "best_model": comparison.best,
-        "depth_uncertainty": comparison.depth_uncertainty,
-        "scan_drift": {"largest_px": drift, "best": comparison.best == DRIFT_RUNG},
-    }
-    if jackknife is not None:
-        figures["leave_one_out"] = {
-            "images": jackknife.images.tolist(),
-            "change_deg": jackknife.change_deg.tolist(),
-            "jackknife_deg": jackknife.jackknife_deg,
-        }
-    return figures, notes
-
-
-def total_rotation_sigma(refined: Refined, covariance: Covariance) -> float:
-    """Standard deviation of the angle between the two images furthest apart, in rad.
-
-    With ``R_ab = R_a R_b^T`` about the axis n a step (w_a, w_b) changes the angle by
-    ``n . (w_a - w_b)``.
-    """
-    R = np.asarray(refined.cameras.cam_from_world)
-    a, b = widest_pair(R)
-    n = vector_from_rotation(R[b] @ R[a].T)
-    n = np.asarray(n / max(float(np.linalg.norm(n)), 1e-300))
-    g = np.zeros(len(covariance.cameras))
-    g[refined.model.param_idx[b, :3]] += n
-    g[refined.model.param_idx[a, :3]] -= n
-    variance = float(g @ covariance.cameras @ g)
-    return float(np.sqrt(max(variance, 0.0)))
 
 
 def reversed_twin(reconstruction: Reconstruction) -> Reconstruction:

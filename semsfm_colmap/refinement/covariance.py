@@ -14,13 +14,14 @@ constraints, Triggs et al. 2000, section 9). A point inherits ``H^-1 + H^-1 E^T 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numba
 import numpy as np
 from scipy import sparse
 from scipy.linalg import LinAlgError, cho_factor, lapack
 
-from semsfm_colmap.geometry.eliminated import Eliminated, linearise, precision_of
+from semsfm_colmap.geometry.eliminated import CameraModel, Eliminated, linearise, precision_of
 from semsfm_colmap.geometry.losses import gaussian_constants, weight
 from semsfm_colmap.geometry.points import add_observation, invert_symmetric, track_pointer
 from semsfm_colmap.geometry.reduced import PARALLEL_COST, covisible_pairs, track_batches
@@ -44,8 +45,14 @@ class Covariance:
     """(n, n) full covariance of the camera parameters, in the order of the bundle model"""
 
 
-def gauge_directions(model: BundleModel, cameras: OrthographicCameras) -> Float:
-    """Orthonormal null space (n, 6) of the reduced system: world rotations and shifts."""
+def gauge_directions(model: CameraModel[Any], cameras: OrthographicCameras) -> Float:
+    """Orthonormal null space (n, 6) of the reduced system: world rotations and shifts.
+
+    Parameters
+    ----------
+    model : its first parameters are those of `BundleModel`; any others do not matter at zero
+
+    """
     M = len(cameras)
     N = np.zeros((model.num_params + 1, 6))  # the last row collects index -1
     R = np.asarray(cameras.cam_from_world)
@@ -124,7 +131,7 @@ def inverse_from_factor(lower: Float) -> Float:
     return np.asarray(below + below.T + np.diag(np.diag(inverse)))
 
 
-def information_weight(state: Eliminated[OrthographicCameras], precision: Float) -> Float:
+def information_weight(state: Eliminated[Any], precision: Float) -> Float:
     """What each observation's information counts, (O,) in 0..1: not the weight of the search.
 
     The weights of a robust loss scatter with the noise, and their mean is not the information that
@@ -140,12 +147,16 @@ def information_weight(state: Eliminated[OrthographicCameras], precision: Float)
 
 
 def estimate_covariance(
-    model: BundleModel,
-    state: Eliminated[OrthographicCameras],
+    model: CameraModel[Any],
+    state: Eliminated[Any],
     observations: Observations,
     sigma_px: float,
 ) -> Solution[Covariance]:
     """Error bars of a converged bundle adjustment.
+
+    Parameters
+    ----------
+    model : `BundleModel`, or with cameras as the first of its parameters `ScanDriftModel`
 
     Shared parameters (aspect, skew) are included in the cameras' covariance; their coupling to a
     point is counted once an observation, which is exact.
@@ -157,7 +168,8 @@ def estimate_covariance(
     H, _ = linearise(model, replace(state, weight=w), observations, pointer, sigma_px, pairs)
     w = w * precision
     S = H.toarray() if sparse.issparse(H) else np.asarray(H)
-    N = gauge_directions(model, state.params)
+    cameras = state.params if isinstance(model, BundleModel) else state.params[0]
+    N = gauge_directions(model, cameras)
     # the gauge directions get the stiffness of a typical parameter, for conditioning
     stiffness = float(np.median(np.diag(S)))
     try:

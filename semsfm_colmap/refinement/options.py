@@ -35,9 +35,10 @@ class RefinementOptions:
     0.003."""
     affine_sigma: float = 0.003
     """Prior: standard deviation of aspect - 1 and skew, with the affine camera model."""
-    drift_sigma_px: float = 0.5
-    """Prior of the scan drift that the comparison of camera models allows for: standard deviation
-    of the displacement of the last row of a frame against its first, px."""
+    drift_sigma_px: float = 0.2
+    """Prior of the scan drift, the displacement of the last row of a frame against the first:
+    standard deviation, px. After a guided pass the drift is estimated and taken out of the
+    observations; 0: neither is done."""
     loss: Literal["squared", "huber", "cauchy"] = "cauchy"
     """Loss of the bundle adjustments while wrong observations are still being filtered."""
     last_loss: Literal["squared", "huber", "cauchy"] = "squared"

@@ -39,6 +39,14 @@ class ScanDriftModel:
     height_px: Float
     """(M,)"""
 
+    @staticmethod
+    def build(base: BundleModel, sigma_px: float, height_px: Float) -> ScanDriftModel:
+        """Drift about the middle row of each image, its height (M,) px."""
+        height = np.asarray(height_px, dtype=np.float64)
+        return ScanDriftModel(
+            base=base, sigma_px=sigma_px, middle_row_px=height / 2.0, height_px=height
+        )
+
     @property
     def param_idx(self) -> Int:
         """The base's parameters, then a and b."""
@@ -91,6 +99,22 @@ class ScanDriftModel:
         return np.concatenate([r, own]), sparse.csr_array(sparse.block_diag([J, eye]))
 
 
+def without_drift(xy: Float, drift: Float, height_px: Float) -> Float:
+    """Where a frame without drift would show what is seen at places (O, 2) px.
+
+    The inverse of the module's formula: first the row, then what it was displaced by.
+
+    Parameters
+    ----------
+    drift : (O, 2) px over the height of the frame of each place
+    height_px : (O,)
+
+    """
+    slope = drift / height_px[:, None]
+    from_middle = (xy[:, 1] - height_px / 2.0) / (1.0 + slope[:, 1])
+    return np.stack([xy[:, 0] - slope[:, 0] * from_middle, height_px / 2.0 + from_middle], axis=-1)
+
+
 def adjust_with_drift(
     cameras: OrthographicCameras,
     observations: Observations,
@@ -116,15 +140,10 @@ def adjust_with_drift(
 
     """
     M = len(cameras)
-    height = np.asarray(height_px, dtype=np.float64)
-    model = ScanDriftModel(
-        base=BundleModel.build(
-            M, free_scale=True, free_affine=False, scale_sigma=scale_sigma, affine_sigma=1.0
-        ),
-        sigma_px=drift_sigma_px,
-        middle_row_px=height / 2.0,
-        height_px=height,
+    base = BundleModel.build(
+        M, free_scale=True, free_affine=False, scale_sigma=scale_sigma, affine_sigma=1.0
     )
+    model = ScanDriftModel.build(base, drift_sigma_px, height_px)
     end = minimise(
         model, (cameras, np.zeros((M, 2))), observations, sigma_px=sigma_px, options=solver
     )

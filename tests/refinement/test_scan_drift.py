@@ -5,7 +5,7 @@ import pytest
 
 from semsfm_colmap.refinement.bundle import BundleModel
 from semsfm_colmap.refinement.model_choice import DRIFT_RUNG, compare_models
-from semsfm_colmap.refinement.scan_drift import ScanDriftModel, adjust_with_drift
+from semsfm_colmap.refinement.scan_drift import ScanDriftModel, adjust_with_drift, without_drift
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 from tests.alignment import best_hand_errors_deg
 from tests.oracles.geometry import numeric_jacobian
@@ -114,3 +114,13 @@ def test_the_ladder_names_drift_where_there_is_some(size_px, wins):
     )
     assert (comparison.best == DRIFT_RUNG) is wins
     assert bool(np.abs(comparison.drift_px).max() > 0.7) is wins
+
+
+def test_without_drift_is_the_inverse_of_the_drift():
+    s = scene(num_images=4, num_tracks=50)
+    drift = np.random.default_rng(4).normal(size=(4, 2)) * 3.0
+    obs, i = s.observations, s.observations.image_idx
+    A, t = model(4).cameras((s.cameras, drift))
+    seen = np.einsum("oij,oj->oi", A[i], s.points[obs.track_idx]) + t[i]
+    ideal = without_drift(seen, drift[i], np.full(len(i), HEIGHT))
+    assert np.allclose(ideal, s.cameras.project(s.points[obs.track_idx], i), atol=1e-9)

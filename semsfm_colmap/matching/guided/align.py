@@ -20,6 +20,8 @@ class Alignment:
     xy: Float
     """(K, 2) px, nan where none was found"""
     correlation: Float
+    covariance: Float
+    """(K, 2, 2) px^2, up to a factor common to the series: neighbouring pixels share their noise"""
 
     @property
     def found(self) -> Bool:
@@ -35,6 +37,7 @@ class Templates:
     gradient: Array
     texture: Array
     inverse: Float
+    spread: Float
     contrast: Float
     """(K,) 0 where a patch has left its image or shows too little"""
 
@@ -63,12 +66,15 @@ def prepare_templates(patches: Array, window_sigma_px: float) -> Templates:
     from semsfm_colmap.matching.guided.align_kernels import prepare_all
 
     window = gaussian_window((patches.shape[1] - 1) // 2, window_sigma_px)
-    gradient, texture, inverse, contrast = prepare_all(np.ascontiguousarray(patches), window)
+    gradient, texture, inverse, spread, contrast = prepare_all(
+        np.ascontiguousarray(patches), window
+    )
     return Templates(
         window=window,
         gradient=gradient,
         texture=texture,
         inverse=inverse,
+        spread=spread,
         contrast=contrast,
     )
 
@@ -99,6 +105,7 @@ def align_patches(
         templates.gradient,
         templates.texture,
         templates.inverse,
+        templates.spread,
         templates.contrast,
         templates.window,
         image,
@@ -108,4 +115,8 @@ def align_patches(
         max_shift_px,
     )
     out[~(out[:, 2] >= min_correlation)] = np.nan
-    return Alignment(xy=out[:, :2] + PIXEL_CENTRE, correlation=out[:, 2])
+    return Alignment(
+        xy=out[:, :2] + PIXEL_CENTRE,
+        correlation=out[:, 2],
+        covariance=out[:, [3, 4, 4, 5]].reshape(-1, 2, 2),
+    )

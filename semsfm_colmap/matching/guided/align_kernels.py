@@ -79,7 +79,9 @@ def read_patch(image: Array, x: float, y: float, W: Array, radius: int, out: Arr
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def prepare(T: Array, window: Array, gradient: Array, texture: Array, inverse: Array) -> float:
+def prepare(
+    T: Array, window: Array, gradient: Array, texture: Array, inverse: Array, spread: Array
+) -> float:
     """What the steps need of a patch; its contrast, 0 when it cannot be aligned.
 
     Parameters
@@ -88,6 +90,8 @@ def prepare(T: Array, window: Array, gradient: Array, texture: Array, inverse: A
     gradient : (2, n, n) receives ``g g_perp``
     texture : (n, n) receives ``g T_perp`` for T without constant and ramp
     inverse : (2, 2) receives H^-1
+    spread : (2, 2) receives ``H^-1 (sum g^2 g_perp g_perp^T) H^-1``, the covariance of the shift
+        when the residuals are white and their weighted mean square is 1
 
     Returns
     -------
@@ -130,7 +134,7 @@ def prepare(T: Array, window: Array, gradient: Array, texture: Array, inverse: A
                 m[a, 3] += w * g * t
     if not contrast > 0.0:
         return 0.0
-    h00 = h01 = h11 = 0.0
+    h00 = h01 = h11 = s00 = s01 = s11 = sww = 0.0
     for j in range(1, n - 1):
         for i in range(1, n - 1):
             w = window[j, i]
@@ -144,11 +148,23 @@ def prepare(T: Array, window: Array, gradient: Array, texture: Array, inverse: A
             h00 += w * gx * gx
             h01 += w * gx * gy
             h11 += w * gy * gy
+            s00 += w * w * gx * gx
+            s01 += w * w * gx * gy
+            s11 += w * w * gy * gy
+            sww += w * w
     trace, det = h00 + h11, h00 * h11 - h01 * h01
     if not det > MIN_CONDITION * trace * trace:
         return 0.0
-    inverse[0, 0], inverse[1, 1] = h11 / det, h00 / det
-    inverse[0, 1] = inverse[1, 0] = -h01 / det
+    i00, i01, i11 = h11 / det, -h01 / det, h00 / det
+    # six unknowns make the residuals smaller than the noise
+    freedom = 1.0 / (1.0 - 6.0 * sww / (sw * sw))
+    inverse[0, 0], inverse[0, 1], inverse[1, 0], inverse[1, 1] = i00, i01, i01, i11
+    # rows of H^-1 S
+    p00, p01 = i00 * s00 + i01 * s01, i00 * s01 + i01 * s11
+    p10, p11 = i01 * s00 + i11 * s01, i01 * s01 + i11 * s11
+    spread[0, 0] = freedom * (p00 * i00 + p01 * i01)
+    spread[0, 1] = spread[1, 0] = freedom * (p00 * i01 + p01 * i11)
+    spread[1, 1] = freedom * (p10 * i01 + p11 * i11)
     return contrast
 
 
@@ -157,6 +173,7 @@ def align(
     gradient: Array,
     texture: Array,
     inverse: Array,
+    spread: Array,
     contrast: float,
     window: Array,
     image: Array,
@@ -172,10 +189,10 @@ def align(
 
     Parameters
     ----------
-    gradient, texture, inverse, contrast : of the patch, from `prepare`
+    gradient, texture, inverse, spread, contrast : of the patch, from `prepare`
     x, y : predicted place, pixel index; W : (2, 2) image px per patch px
     J : (n, n) scratch
-    out : (3,) place x, y, correlation
+    out : (6,) place x, y, correlation, and the covariance xx, xy, yy of the place in px^2
 
     """
     n = window.shape[0]
@@ -214,7 +231,14 @@ def align(
             energy = ss - s * s / sw - (sx * sx + sy * sy) / sxx
             correlation = cross / math.sqrt(max(contrast * energy, 1e-30))
             if done:
+                # what neither gain, offset nor ramp explains, in units of the patch
+                variance = max(energy - gain * cross, 0.0) / (sw * gain * gain)
+                a, b, c, d = W[0, 0], W[0, 1], W[1, 0], W[1, 1]
+                xx, xy, yy = spread[0, 0], spread[0, 1], spread[1, 1]
                 out[0], out[1], out[2] = cx, cy, correlation
+                out[3] = variance * (a * a * xx + 2.0 * a * b * xy + b * b * yy)
+                out[4] = variance * (a * c * xx + (a * d + b * c) * xy + b * d * yy)
+                out[5] = variance * (c * c * xx + 2.0 * c * d * xy + d * d * yy)
                 return True
             if correlation < LOST_CORRELATION:
                 return False
@@ -241,12 +265,13 @@ def read_patches(image: Array, places: Array, radius: int) -> Array:
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
-def prepare_all(patches: Array, window: Array) -> tuple[Array, Array, Array, Array]:
+def prepare_all(patches: Array, window: Array) -> tuple[Array, Array, Array, Array, Array]:
     """`prepare` for each patch (K, n, n); the contrast is 0 where one cannot be aligned."""
     num, n = patches.shape[0], patches.shape[1]
     gradient = np.zeros((num, 2, n, n), dtype=np.float32)
     texture = np.zeros((num, n, n), dtype=np.float32)
     inverse = np.zeros((num, 2, 2))
+    spread = np.zeros((num, 2, 2))
     contrast = np.zeros(num)
     for k in numba.prange(num):
         if not math.isnan(patches[k, 0, 0]):
@@ -256,8 +281,9 @@ def prepare_all(patches: Array, window: Array) -> tuple[Array, Array, Array, Arr
                 gradient[k],
                 texture[k],
                 inverse[k],
+                spread[k],
             )
-    return gradient, texture, inverse, contrast
+    return gradient, texture, inverse, spread, contrast
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
@@ -266,6 +292,7 @@ def align_all(
     gradient: Array,
     texture: Array,
     inverse: Array,
+    spread: Array,
     contrast: Array,
     window: Array,
     image: Array,
@@ -274,19 +301,20 @@ def align_all(
     max_iterations: int,
     max_shift: float,
 ) -> Array:
-    """`align` for the patches `which` (K,) of all: (K, 3), nan where it failed."""
-    out = np.full((len(which), 3), np.nan)
+    """`align` for the patches `which` (K,) of all: (K, 6), nan where it failed."""
+    out = np.full((len(which), 6), np.nan)
     n = window.shape[0]
     for k in numba.prange(len(which)):
         p = which[k]
         if contrast[p] <= 0.0:
             continue
         J = np.empty((n, n), dtype=np.float32)
-        found = np.empty(3)
+        found = np.empty(6)
         if align(
             gradient[p],
             texture[p],
             inverse[p],
+            spread[p],
             contrast[p],
             window,
             image,

@@ -49,6 +49,10 @@ class Grown:
 
     observations: Observations
     """sorted by track, then image; `keypoint_idx` counts from 0 within each image"""
+    sigma_px: Float
+    """(O,) standard deviation of each alignment, up to a factor"""
+    baseline_sine: Float
+    """(O,) sine of the angle between the view and the reference view"""
     num_predicted: int
     """how many places were looked at"""
     high_pass_px: float
@@ -217,6 +221,7 @@ def grow_tracks(
             track=usable,
             image=seeds.references.image_idx[usable],
             xy=seeds.references.xy[usable],
+            sigma=np.full(len(usable), np.nan),
             predicted=0,
         )
     ]
@@ -242,12 +247,13 @@ def grow_tracks(
                 track=where.track_idx[found],
                 image=np.full(int(found.sum()), i),
                 xy=alignment.xy[found],
+                sigma=np.sqrt(0.5 * np.trace(alignment.covariance[found], axis1=1, axis2=2)),
                 predicted=len(where.track_idx),
             )
         )
         if progress is not None:
             progress(i + 1, len(cameras))
-    return _assembled(observations.num_images, parts, options, high_pass)
+    return _assembled(observations.num_images, parts, seeds.references, cameras, options, high_pass)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -257,6 +263,7 @@ class _Found:
     track: Int
     image: Int
     xy: Float
+    sigma: Float
     predicted: int
 
 
@@ -272,12 +279,22 @@ def _inside(mask: Bool | None, xy: Float) -> Bool:
 def _assembled(
     num_images: int,
     parts: list[_Found],
+    references: References,
+    cameras: OrthographicCameras,
     options: GuidedOptions,
     high_pass: float,
 ) -> Grown | None:
     track = np.concatenate([p.track for p in parts])
     image = np.concatenate([p.image for p in parts])
     order = np.lexsort((image, track))
+    sigma = np.concatenate([p.sigma for p in parts])
+    if np.isnan(sigma).all():
+        return None
+    # a reference view is as sure as a typical one
+    sigma = np.where(np.isnan(sigma), np.nanmedian(sigma), sigma)
+    direction = cameras.viewing_direction
+    d_ref = direction[references.image_idx[track]]
+    sine = np.linalg.norm(np.cross(d_ref, direction[image]), axis=1)
     raw = Observations(
         image_idx=image[order],
         track_idx=track[order],
@@ -292,6 +309,7 @@ def _assembled(
         return None
     distinct = distinct_tracks(long, options.min_separation_px)
     kept, _ = keep_tracks(long, distinct[long.track_idx])
+    rows = order[kept.keypoint_idx]
     # numbers within each image
     keypoint = np.zeros(len(kept), dtype=np.int64)
     for i in range(num_images):
@@ -299,6 +317,8 @@ def _assembled(
         keypoint[mine] = np.arange(len(mine))
     return Grown(
         observations=replace(kept, keypoint_idx=keypoint),
+        sigma_px=sigma[rows],
+        baseline_sine=sine[rows],
         num_predicted=sum(p.predicted for p in parts),
         high_pass_px=high_pass,
     )

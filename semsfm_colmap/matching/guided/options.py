@@ -43,3 +43,7 @@ class GuidedOptions:
     fill_up_to: int = 10000
     """While there are fewer points than this, keypoints without a match are tried as points too,
     where the surface around them is known; 0: never."""
+    own_weights: bool = False
+    """Weigh each observation in the last adjustment by what its alignment is worth. It brought the
+    cameras no nearer to the truth, and programs that know no weights, like COLMAP, then find
+    another optimum for the same observations."""

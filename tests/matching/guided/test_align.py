@@ -111,6 +111,19 @@ def test_the_minimum_is_that_of_plain_least_squares():
         assert np.linalg.norm(alignment.xy[k] - plain) < 0.025
 
 
+def test_the_covariance_is_that_of_repeated_noise():
+    rng = np.random.default_rng(4)
+    reference, clean = image(), image(lambda x, y: (x - 0.3, y - 0.1))
+    errors, variances = [], []
+    for _ in range(30):
+        noisy = (clean + rng.normal(size=clean.shape) * 6.0).astype(np.float32)
+        alignment = find(reference, noisy)
+        errors.append(alignment.xy - CENTRES - [0.3, 0.1])
+        variances.append(np.trace(alignment.covariance, axis1=1, axis2=2))
+    ratio = np.nanmean(np.sum(np.square(errors), axis=2)) / np.nanmean(variances)
+    assert 0.75 < ratio < 1.35
+
+
 def test_band_pass_takes_out_constants_and_ramps_and_keeps_fine_texture():
     x, y = grid()
     ramp = (3.0 + 0.2 * x - 0.1 * y).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Duplicates, predictions and growth of tracks, on data with known answers."""
+"""Duplicates, noise model, predictions and growth of tracks, on data with known answers."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ import pytest
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.matching.guided.distinct import distinct_tracks
 from semsfm_colmap.matching.guided.grow import grow_tracks
+from semsfm_colmap.matching.guided.noise import fit_relative_sigma
 from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.matching.guided.predict import References, frontal_references, predict
 from semsfm_colmap.types import Observations, OrthographicCameras
@@ -48,6 +49,23 @@ def test_a_dropped_track_does_not_drop_others():
     rows = [(i, t) for t, n in ((0, 4), (1, 3), (2, 2)) for i in range(n)]
     obs = observations([i for i, _ in rows], [t for _, t in rows], [xy[t] for _, t in rows], 4, 3)
     assert distinct_tracks(obs, 1.0).tolist() == [True, False, True]
+
+
+def test_the_noise_model_is_recovered_from_residuals_with_outliers():
+    rng = np.random.default_rng(0)
+    n = 60_000
+    s, sine = rng.uniform(0.05, 0.5, n), rng.uniform(0.0, 0.9, n)
+    sigma = np.sqrt((1.7 * s) ** 2 + 0.1**2 + (0.3 * sine) ** 2)
+    residuals = rng.normal(size=(n, 2)) * sigma[:, None]
+    residuals[:3000] *= 15.0
+    found = fit_relative_sigma(residuals, np.ones(n), s, sine)
+    expected = sigma / np.median(sigma)
+    inside = (expected > 0.55) & (expected < 4.5)
+    assert np.abs(found / expected - 1.0)[inside].max() < 0.1
+
+
+def test_too_few_residuals_leave_all_alike():
+    assert (fit_relative_sigma(np.ones((10, 2)), np.ones(10), np.ones(10), np.ones(10)) == 1).all()
 
 
 def cameras(angles_deg):
