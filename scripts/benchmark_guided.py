@@ -5,10 +5,14 @@ usage: benchmark_guided.py SERIES [SERIES ...] [--output FOLDER] [--markdown FIL
 A SERIES is a folder with images/ and, for the errors, truth.json. Features and matches are found
 once a series; each variant maps them anew:
 
-plain          COLMAP's SIFT, ratio, affine verification, bundle adjustment: no second pass
-coarse         the second pass on structure up to 15 px: shading and all
-fine 4.5       structure coarser than 4.5 px taken out
-default        the finest structure that the images bear
+matched        tracks as COLMAP's SIFT, ratio and affine verification leave them, two views on
+plain          the model from them, three views on: no guided pass
+coarse         the guided pass on structure up to 15 px: shading and all
+two rounds     one pass that aligns, one that looks everywhere, and no more
+not filled up  no keypoints without a match as further points
+drift left in  the observations as they are seen, scan drift and all
+own weights    each observation weighed by what its alignment is worth
+default        the guided pass as it is
 
 Observations are those that a point of the model rests on. Epipolar errors are distances to the
 epipolar lines of the true cameras, over pairs of consecutive images, of matches within 2 px.
@@ -29,18 +33,23 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.colmap.model import read_model
-from semsfm_colmap.config import Config
+from semsfm_colmap.config import Config, config_from_dict
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import Truth, load_truth
 from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_fundamental
+from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.reconstruct import run_stages
+from semsfm_colmap.pipeline.stages import build_observations, read_project_series
 from semsfm_colmap.types import Float, Reconstruction
 
 TRUE_MATCH_PX = 2.0
-VARIANTS: dict[str, dict[str, Any]] = {
-    "plain": {"enabled": False},
-    "coarse": {"high_pass_px": 15.0},
-    "fine 4.5": {"high_pass_px": 4.5},
+VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
+    "plain": {"guided": {"enabled": False}},
+    "coarse": {"guided": {"high_pass_px": 15.0}},
+    "two rounds": {"guided": {"rounds": 2}},
+    "not filled up": {"guided": {"fill_up_to": 0}},
+    "drift left in": {"refinement": {"drift_sigma_px": 0.0}},
+    "own weights": {"guided": {"own_weights": True}},
     "default": {},
 }
 HEAD = (
@@ -105,7 +114,7 @@ def share_near_truth(model: Reconstruction, cameras: Any) -> float:
 
 def run_variant(project: Path, series: Path, name: str) -> list[str]:
     """One row of the table."""
-    config = replace(Config(), guided=replace(Config().guided, **VARIANTS[name]))
+    config = config_from_dict(VARIANTS[name])
     begin = time.perf_counter()
     record = run_stages(project, config, names=("map",), force=True)
     seconds = time.perf_counter() - begin
@@ -122,7 +131,7 @@ def run_variant(project: Path, series: Path, name: str) -> list[str]:
         "s": f"{seconds:.1f}",
     }
     guided = record.stages["map"]["summary"]["diagnostics"].get("guided")
-    if guided is not None:
+    if guided is not None and name in ("coarse", "default"):
         row["variant"] += f" ({guided['high_pass_px']:g} px)"
     if (series / "truth.json").is_file():
         truth = load_truth(series)
@@ -137,6 +146,22 @@ def run_variant(project: Path, series: Path, name: str) -> list[str]:
             "closure deg": f"{figures['first_to_last_rotation_error_deg']:.3f}",
             "points px": f"{figures['structure_abs_median_unbiased_px']:.2f}",
         }
+    return [row.get(column, "-") for column in HEAD]
+
+
+def matched_row(project: Path, series: Path) -> list[str]:
+    """The verified tracks that every variant starts from."""
+    opened = Project(project)
+    names = read_project_series(opened).names
+    observations, _, _ = build_observations(opened, Config(), names, {})
+    row = {
+        "series": series.name,
+        "variant": "matched",
+        "images": str(len(np.unique(observations.image_idx))),
+        "points": str(observations.num_tracks),
+        "observations": str(len(observations)),
+        "mean length": f"{len(observations) / max(observations.num_tracks, 1):.2f}",
+    }
     return [row.get(column, "-") for column in HEAD]
 
 
@@ -158,6 +183,7 @@ def main() -> None:
         project = arguments.output / series.name
         images = series / "images" if (series / "images").is_dir() else series
         run_stages(project, Config(), names=("ingest", "extract", "match"), image_path=images)
+        rows.append(matched_row(project, series))
         for name in VARIANTS:
             work = arguments.output / f"{series.name}.{name.split()[0]}"
             shutil.rmtree(work, ignore_errors=True)
