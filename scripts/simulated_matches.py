@@ -27,6 +27,8 @@ NEAR_PX = 2.0
 """Distance to the epipolar line of the wrong matches that look right: what verification allows."""
 NEAR_SIGMAS = 3.0
 """How far, in standard deviations of the right displacements, theirs may be off."""
+MAX_FREE = 200
+"""Keypoints of an image among which such matches are looked for."""
 
 Pair = tuple[int, int]
 
@@ -77,10 +79,13 @@ def first_of_each(values: Int, chosen: Int) -> Int:
 
 def wrong_matches(xy1: Float, xy2: Float, right: Int, count: int, rng: Any) -> Int:
     """`count` wrong matches (or as many as there is room for) between keypoints without partner."""
+    if count == 0:
+        return np.zeros((0, 2), dtype=np.int64)
     free1 = np.setdiff1d(np.arange(len(xy1)), right[:, 0])
     free2 = np.setdiff1d(np.arange(len(xy2)), right[:, 1])
     F = estimate_affine_fundamental(xy1[right[:, 0]], xy2[right[:, 1]])
-    a, b = (k.ravel() for k in np.meshgrid(free1, free2, indexing="ij"))
+    some1, some2 = rng.permutation(free1)[:MAX_FREE], rng.permutation(free2)[:MAX_FREE]
+    a, b = (k.ravel() for k in np.meshgrid(some1, some2, indexing="ij"))
     shift = xy2[right[:, 1]] - xy1[right[:, 0]]
     off = np.abs(xy2[b] - xy1[a] - np.median(shift, axis=0)) / np.std(shift, axis=0)
     near = np.abs(epipolar_residual(F, xy1[a], xy2[b])) < NEAR_PX

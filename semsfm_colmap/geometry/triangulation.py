@@ -15,6 +15,10 @@ import numpy as np
 from semsfm_colmap.geometry.points import add_observation, invert_symmetric
 from semsfm_colmap.types import Bool, Float, Int
 
+SMALLEST_SHARE = 1e-3
+"""Share of the noise's variance that a residual keeps at least, in `drop_deviating`: an observation
+that alone fixes a point leaves none."""
+
 
 @numba.njit(cache=True)
 def _next_random(state):  # type: ignore[no-untyped-def]
@@ -159,6 +163,79 @@ def triangulate_tracks(
     inlier = np.zeros(len(image_idx), dtype=bool)
     _triangulate(A, t, image_idx, pointer, xy, threshold_px**2, trials, seed, X, inlier)
     return X, inlier
+
+
+@numba.njit(cache=True, parallel=True)
+def _drop_deviating(A, t, image_idx, pointer, xy, limit2, min_length, inlier):  # type: ignore[no-untyped-def]
+    for j in numba.prange(len(pointer) - 1):
+        begin, end = pointer[j], pointer[j + 1]
+        H = np.zeros((3, 3))
+        b = np.zeros(3)
+        inverse = np.zeros((3, 3))
+        X = np.zeros(3)
+        count = 0
+        for o in range(begin, end):
+            count += inlier[o]
+        while count >= min_length:
+            H[:] = 0.0
+            b[:] = 0.0
+            for o in range(begin, end):
+                if inlier[o]:
+                    i = image_idx[o]
+                    add_observation(H, b, A[i], xy[o, 0] - t[i, 0], xy[o, 1] - t[i, 1], 1.0)
+            if not invert_symmetric(H, inverse):
+                break
+            for k in range(3):
+                X[k] = inverse[k, 0] * b[0] + inverse[k, 1] * b[1] + inverse[k, 2] * b[2]
+            worst, most = -1, limit2
+            for o in range(begin, end):
+                if not inlier[o]:
+                    continue
+                P, s = A[image_idx[o]], t[image_idx[o]]
+                du = P[0, 0] * X[0] + P[0, 1] * X[1] + P[0, 2] * X[2] + s[0] - xy[o, 0]
+                dv = P[1, 0] * X[0] + P[1, 1] * X[1] + P[1, 2] * X[2] + s[1] - xy[o, 1]
+                m00, m01, m11 = 1.0 + SMALLEST_SHARE, 0.0, 1.0 + SMALLEST_SHARE
+                for k in range(3):
+                    for m in range(3):
+                        m00 -= P[0, k] * inverse[k, m] * P[0, m]
+                        m01 -= P[0, k] * inverse[k, m] * P[1, m]
+                        m11 -= P[1, k] * inverse[k, m] * P[1, m]
+                q = (m11 * du * du - 2.0 * m01 * du * dv + m00 * dv * dv) / (m00 * m11 - m01 * m01)
+                if q > most:
+                    worst, most = o, q
+            if worst < 0:
+                break
+            inlier[worst] = False
+            count -= 1
+
+
+def drop_deviating(
+    A: Float,
+    t: Float,
+    image_idx: Int,
+    pointer: Int,
+    xy: Float,
+    inlier: Bool,
+    *,
+    threshold_px: float,
+    min_length: int,
+) -> Bool:
+    """Drop observations that the rest of their track contradicts, the worst first: (O,).
+
+    An observation pulls the point toward itself, the more the further its direction lies from the
+    others', and the residual that it leaves is the smaller for it: with M = I - P H^-1 P^T its
+    covariance is sigma^2 M, H the sum of P^T P over the track. So ``r^T M^-1 r``, a chi square in
+    units of sigma^2 wherever the observation lies, is held against the threshold [Baarda 1968].
+
+    Parameters
+    ----------
+    A, t, image_idx, pointer, xy, inlier : as `triangulate_tracks` takes and gives them
+    min_length : tracks of fewer observations are left as they are
+
+    """
+    kept = np.array(inlier)
+    _drop_deviating(A, t, image_idx, pointer, xy, threshold_px**2, min_length, kept)
+    return kept
 
 
 @numba.njit(cache=True, parallel=True)

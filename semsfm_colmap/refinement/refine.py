@@ -18,7 +18,11 @@ import numpy as np
 from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
 from semsfm_colmap.geometry.tracks import keep_tracks, thin_evenly
-from semsfm_colmap.geometry.triangulation import triangulate_tracks, triangulation_angle
+from semsfm_colmap.geometry.triangulation import (
+    drop_deviating,
+    triangulate_tracks,
+    triangulation_angle,
+)
 from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
 from semsfm_colmap.refinement.known_angles import AnglePrior
 from semsfm_colmap.refinement.options import RefinementOptions
@@ -129,6 +133,16 @@ def select_inliers(
         threshold_px=threshold_px,
         trials=options.ransac_trials,
         seed=seed,
+    )
+    inlier = drop_deviating(
+        cameras.projection,
+        np.asarray(cameras.translation_px),
+        obs.image_idx,
+        pointer,
+        obs.xy,
+        inlier,
+        threshold_px=threshold_px,
+        min_length=options.min_track_length,
     )
     length = np.bincount(obs.track_idx[inlier], minlength=obs.num_tracks)
     angle = triangulation_angle(cameras.viewing_direction, obs.image_idx, pointer, inlier)
