@@ -8,6 +8,7 @@ colmap      the same simulated databases through pycolmap's expert set-up
 outliers    10, 20, 30 % of the observations replaced by wrong ones
 added       so many wrong matches added that they are 10, 20, 30 % of all
 scale       up to 1000 frames and 8 million observations: seconds and peak memory
+chain       fine steps and short tracks: in one piece and in segments
 ceres       bundle adjustment against Ceres (pycolmap) on one model to the same cost
 
 Times are of one run on a shared machine: compare rows of a table, never runs.
@@ -32,7 +33,7 @@ from simulated_matches import join, simulate_matches, verify
 
 from semsfm_colmap.factorization.blocks import select_blocks
 from semsfm_colmap.factorization.cbc import factorize_cbc
-from semsfm_colmap.factorization.factorize import factorize, find_parts
+from semsfm_colmap.factorization.factorize import factorize, factorize_whole, find_parts
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.factorization.polish import polish_affine
 from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions
@@ -64,9 +65,9 @@ SERIES = (
 )
 NUM_SERIES = {60: 100, 7: 150, 5: 150, 3: 150}
 """Series a row of the table of efficiency, by number of frames."""
-NUM_REPLACED = {60: 40, 7: 100, 5: 100}
+NUM_REPLACED = {60: 40, 7: 60, 5: 60}
 """Series a row where observations are replaced by wrong ones."""
-NUM_ADDED = {60: 24, 7: 60, 5: 60}
+NUM_ADDED = {60: 24, 7: 24, 5: 24}
 """Series a row where wrong matches are added."""
 SHARES = (0.0, 0.1, 0.2, 0.3)
 NOISE_PX = 0.3
@@ -804,11 +805,13 @@ TRACK_SPAN_DEG = 30.0
 """Rotation that a track lasts, or as many frames as it has observations if that is more."""
 
 
-def long_series(frames: int, tracks: int, length: int, seed: int = 0) -> SimulatedTracks:
+def long_series(
+    frames: int, tracks: int, length: int, seed: int = 0, span_deg: float = TRACK_SPAN_DEG
+) -> SimulatedTracks:
     """A turn, tracks of a fixed length, made without a dense visibility matrix.
 
     Fine steps do not make tracks last longer in degrees: a track has its observations in some of
-    the frames of a run of `TRACK_SPAN_DEG`.
+    the frames of a run of `span_deg`, or in a run of as many frames as it has observations.
     """
     rng = np.random.default_rng(seed)
     angles = 2.0 * np.pi * np.arange(frames) / frames
@@ -820,7 +823,7 @@ def long_series(frames: int, tracks: int, length: int, seed: int = 0) -> Simulat
         scale_px_per_unit=np.exp(0.0005 * rng.normal(size=frames)),
         translation_px=600.0 + 20.0 * rng.normal(size=(frames, 2)),
     )
-    window = max(length, round(frames * TRACK_SPAN_DEG / 360.0))
+    window = max(length, round(frames * span_deg / 360.0))
     first = rng.integers(0, frames, tracks)
     # the point faces the middle of its window
     middle = angles[(first + window // 2) % frames]
@@ -853,6 +856,66 @@ def long_series(frames: int, tracks: int, length: int, seed: int = 0) -> Simulat
         points=points,
         observations=observations,
         correct=np.ones(len(track_idx), dtype=bool),
+    )
+
+
+CHAINS = ((250, 15_000, 8), (500, 30_000, 8), (1000, 60_000, 8))
+"""Frames, tracks, consecutive frames of a track."""
+
+
+def table_chain(data: Path, quick: bool) -> str:
+    rows = []
+    for frames, tracks, length in CHAINS[:1] if quick else CHAINS:
+        s = long_series(frames, tracks, length, span_deg=0.0)
+        obs, options = s.observations, FactorizationOptions()
+        part = find_parts(obs, options)[0]
+        true = s.cameras.select(part.images)
+        cells: list[Any] = []
+        start: Any = None
+        for function in (factorize_whole, factorize):
+            start = function(part, obs, options, np.random.default_rng(0))
+            assert start.value is not None, start.message
+            R, _, _ = aligned(*start.value, true)
+            angle = rotation_angle(R @ np.asarray(true.cam_from_world).mT)
+            rms_deg = np.rad2deg(np.sqrt(np.mean(angle**2)))
+            cells.append(f"{rms_deg:.2f} ({start.diagnostics['eigenvalue_gap']:.2f})")
+        fit = refine(
+            start.value[0], part.images, obs, RefinementOptions(), rng=np.random.default_rng(0)
+        ).value
+        assert fit is not None
+        bound = cramer_rao(s, False)
+        least = np.sqrt(np.mean(np.sum(bound.sigma_rotation_rad**2, axis=1)))
+        rows.append(
+            [
+                frames,
+                f"{tracks:,}",
+                f"{360.0 * length / frames:.1f}",
+                f"{frames / length:.0f}",
+                *cells,
+                start.diagnostics.get("num_segments", 1),
+                f"{errors(fit, s)[0]:.2f}",
+                f"{np.rad2deg(least):.2f}",
+            ]
+        )
+        print(rows[-1], flush=True)
+    return (
+        "A closed turn, each track in 8 consecutive frames. RMS rotation error in degrees of the "
+        "start of the bundle adjustment, factorized in one piece and in overlapping segments, with "
+        "the gap of eigenvalues in brackets; after refinement; and its Cramer-Rao bound.\n\n"
+        + markdown(
+            [
+                "frames",
+                "tracks",
+                "track deg",
+                "track lengths a turn",
+                "one piece deg (gap)",
+                "segments deg (gap)",
+                "segments",
+                "refined deg",
+                "bound deg",
+            ],
+            rows,
+        )
     )
 
 
@@ -950,6 +1013,7 @@ TABLES: dict[str, tuple[str, Callable[[Path, bool], str]]] = {
     "added": ("Wrong matches beside the right ones", table_added),
     "ceres": ("Bundle adjustment against Ceres", table_ceres),
     "scale": ("Size", table_scale),
+    "chain": ("Fine steps, short tracks", table_chain),
 }
 
 
