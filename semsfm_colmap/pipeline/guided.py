@@ -148,6 +148,7 @@ def refine_guided(
         observations=end.observations,
         drift_px=end.drift_px,
         figures={
+            "num_passes": k + 1,
             "high_pass_px": grown.high_pass_px,
             "num_places": grown.num_predicted,
             "num_found": len(grown.observations),
@@ -157,6 +158,7 @@ def refine_guided(
             "mean_track_length": len(last.observations) / max(len(last.tracks), 1),
             "sigma_before_px": first.sigma_px,
             "sigma_px": last.sigma_px,
+            "largest_drift_px": float(np.abs(end.drift_px).max()),
         },
     )
 

@@ -77,7 +77,7 @@ def reliability(
         affine_sigma=options.affine_sigma,
         sigma_px=refined.sigma_px,
         range_sigma_rad=np.deg2rad(sigma_deg),
-        height_px=height_px,
+        height_px=height_px if options.drift_sigma_px > 0.0 else None,
         drift_sigma_px=options.drift_sigma_px,
         solver=solver,
     )

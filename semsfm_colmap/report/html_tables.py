@@ -185,7 +185,8 @@ def guided_table(m: Metrics) -> str:
     text = (
         "<p>Every point was looked for in every image that should see it: "
         f"{number(g['num_found'])} of {number(g['num_places'])} places were found, by structure "
-        f"finer than {g['high_pass_px']:g} px.</p>"
+        f"finer than {g['high_pass_px']:g} px, in pass {g['num_passes']}. Drift within the frames "
+        f"was taken out: up to {g['largest_drift_px']:.2f} px from the first row to the last.</p>"
     )
     return text + table(("", "matched", "guided"), rows, text_columns=(0,), narrow=True)
 

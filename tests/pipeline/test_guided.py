@@ -1,5 +1,6 @@
 """The guided second pass on a project: longer tracks, and the database to go with them."""
 
+import json
 import shutil
 
 import numpy as np
@@ -76,6 +77,17 @@ def test_and_so_it_does_with_real_series(data_path, tmp_path, name):
     stages = ("ingest", "extract", "match", "map")
     run_stages(tmp_path / "p", Config(), names=stages, image_path=images)
     assert_bundle_adjusters_leave_the_cameras(tmp_path / "p" / "sparse" / "0", tmp_path)
+
+
+def test_the_drift_taken_out_is_in_the_sidecar_and_none_is_without_a_prior(project):
+    sidecar = project / "sparse" / "0" / "orthographic.json"
+    drift = json.loads(sidecar.read_text())["reliability"]["drift_px"]
+    assert sorted(drift) == sorted(read_model(project / "sparse" / "0").image_names)
+    assert 0.0 < np.abs(list(drift.values())).max() < 1.0
+    config = config_from_dict({"refinement": {"drift_sigma_px": 0.0}})
+    run_stages(project, config, names=("map",))
+    drift = json.loads(sidecar.read_text())["reliability"]["drift_px"]
+    assert not np.any(list(drift.values()))
 
 
 def test_measured_keypoints_keep_their_numbers_and_the_model_refers_to_appended_ones(project):

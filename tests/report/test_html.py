@@ -174,6 +174,7 @@ def test_the_guided_pass_is_told_with_its_figures_and_its_absence_too():
     reader.feed(render(inputs))
     assert "no guided second pass" in " ".join(reader.text)
     guided = {
+        "num_passes": 4,
         "high_pass_px": 2.0,
         "num_places": 51234,
         "num_found": 23456,
@@ -183,10 +184,11 @@ def test_the_guided_pass_is_told_with_its_figures_and_its_absence_too():
         "mean_track_length": 13.8,
         "sigma_before_px": 0.372,
         "sigma_px": 0.161,
+        "largest_drift_px": 0.418,
     }
     reader = Reader()
     reader.feed(render(replace(inputs, guided=guided)))
     text = " ".join(reader.text)
-    for figure in ("finer than 2 px", "13.8", "0.372", "0.161"):
+    for figure in ("finer than 2 px", "pass 4", "0.42 px", "13.8", "0.372", "0.161"):
         assert figure in text
     assert compute_metrics(replace(inputs, guided=guided))["guided"] == guided
