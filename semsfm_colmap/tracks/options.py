@@ -12,4 +12,5 @@ class TrackOptions:
     min_length: int = 2
     """Fewest observations of a track."""
     cycle_consistency: bool = True
-    """Drop a match that more three-view cycles contradict than support: repetitive texture."""
+    """Drop a match that more three-view cycles contradict than support, as repetitive texture gives
+    them, and one of images far apart that no image between them shows."""

@@ -58,3 +58,32 @@ def test_random_true_matches_survive_and_shifted_ones_fall():
 
 def test_no_matches_at_all():
     assert consistent_matches([0, 0], {(0, 1): rows()})[0, 1].shape == (0,)
+
+
+def seen_between(*also):
+    """Five images, neighbours share ten points; keypoint 99 of the first and last are matched, and
+    shown by the images `also` between them.
+    """
+    common = np.column_stack([np.arange(10), np.arange(10)])
+    matches = {}
+    for i in range(5):
+        for j in range(i + 1, 5):
+            extra = [99] if {i, j} <= {0, 4, *also} else []
+            some = common if j - i < 4 else common[:3]
+            matches[i, j] = np.concatenate([some, rows(*[(k, k) for k in extra]).reshape(-1, 2)])
+    return matches
+
+
+def test_a_match_of_far_images_that_none_between_shows_is_dropped():
+    keep = consistent_matches([100] * 5, seen_between())
+    assert keep[0, 4].tolist() == [True, True, True, False]
+    assert all(good.all() for pair, good in keep.items() if pair != (0, 4))
+
+
+def test_one_image_between_that_shows_the_point_is_enough():
+    assert all(good.all() for good in consistent_matches([100] * 5, seen_between(2)).values())
+
+
+def test_too_few_images_between_say_nothing():
+    matches = {p: m for p, m in seen_between().items() if not {2, 3} & set(p)}
+    assert all(good.all() for good in consistent_matches([100] * 5, matches).values())
