@@ -31,8 +31,10 @@ def _image_rows(m: Metrics) -> Iterator[tuple[str, str]]:
     yield "points", number(s["num_points"])
     yield "points in 3 or more images", number(s["num_points_in_3_or_more_images"])
     yield "observations kept", number(s["num_observations"])
-    rejected = percent(s["rejected_fraction"])
-    yield "observations rejected", f"{number(s['num_rejected_observations'])} ({rejected})"
+    # a COLMAP model holds what was kept only: what was rejected is told by the rounds of filtering
+    if s["num_rejected_observations"]:
+        rejected = percent(s["rejected_fraction"])
+        yield "observations rejected", f"{number(s['num_rejected_observations'])} ({rejected})"
     mean, median = number(s["mean_track_length"]), number(s["median_track_length"])
     yield "images per point", f"{mean} mean, {median} median"
     if "median_point_sigma_world" in s:
