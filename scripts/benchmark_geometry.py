@@ -33,7 +33,12 @@ from simulated_matches import join, simulate_matches, verify
 
 from semsfm_colmap.factorization.blocks import select_blocks
 from semsfm_colmap.factorization.cbc import factorize_cbc
-from semsfm_colmap.factorization.factorize import factorize, factorize_whole, find_parts
+from semsfm_colmap.factorization.factorize import (
+    factorize,
+    factorize_most,
+    factorize_whole,
+    find_parts,
+)
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.factorization.polish import polish_affine
 from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions
@@ -180,7 +185,7 @@ def solve(s: SimulatedTracks, known_scale: bool) -> Any:
     rng = np.random.default_rng(0)
     factorization = FactorizationOptions()
     part = find_parts(s.observations, factorization)[0]
-    start = factorize(part, s.observations, factorization, rng)
+    tied, start = factorize_most(part, s.observations, factorization, rng)
     assert start.value is not None, start.message
     options = RefinementOptions(
         camera_model="orthographic" if known_scale else "scaled_orthographic"
@@ -188,11 +193,11 @@ def solve(s: SimulatedTracks, known_scale: bool) -> Any:
     seen = split_tracks(
         s.observations,
         start.value[0],
-        part.images,
+        tied.images,
         min_length=options.min_track_length,
         trials=options.ransac_trials,
     )
-    fit = refine(start.value[0], part.images, seen, options, rng=rng)
+    fit = refine(start.value[0], tied.images, seen, options, rng=rng)
     assert fit.value is not None, fit.message
     return fit.value
 
@@ -941,18 +946,18 @@ def run_scale(frames: int, tracks: int) -> None:
     options = FactorizationOptions()
     part = find_parts(obs, options)[0]
     lap()
-    start = factorize(part, obs, options, rng)
+    tied, start = factorize_most(part, obs, options, rng)
     assert start.value is not None, start.message
     lap()
     chosen = RefinementOptions()
     seen = split_tracks(
         obs,
         start.value[0],
-        part.images,
+        tied.images,
         min_length=chosen.min_track_length,
         trials=chosen.ransac_trials,
     )
-    fit = refine(start.value[0], part.images, seen, chosen, rng=rng)
+    fit = refine(start.value[0], tied.images, seen, chosen, rng=rng)
     assert fit.value is not None
     lap()
     v = fit.value

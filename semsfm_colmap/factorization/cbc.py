@@ -281,6 +281,21 @@ def joint_translation(bases: list[BlockBasis], A: Float) -> Float:
     return np.asarray(splu(sparse.csc_array(normal)).solve(rhs)).reshape(-1, 2)
 
 
+def largest_tied(images: list[Int], group: Int) -> Int:
+    """The images of the group of blocks that holds the most of them.
+
+    Parameters
+    ----------
+    images, group : of each block
+
+    """
+    groups = [
+        np.unique(np.concatenate([i for i, g in zip(images, group, strict=True) if g == number]))
+        for number in np.unique(group)
+    ]
+    return max(groups, key=len, default=np.zeros(0, dtype=np.int64))
+
+
 def factorize_cbc(
     blocks: list[Block],
     num_images: int,
@@ -293,9 +308,12 @@ def factorize_cbc(
     zero point; triangulate the tracks with its cameras.
     """
     bases = [b for b in (block_basis(block, options, rng) for block in blocks) if b is not None]
+    used = [basis.images for basis in bases]
+    group = tied_groups(used, num_images)
+    tied = largest_tied(used, group)
     covered = np.zeros(num_images, dtype=bool)
-    for basis in bases:
-        covered[basis.images] = True
+    for images in used:
+        covered[images] = True
     if not covered.all():
         missing = np.flatnonzero(~covered)
         return Solution(
@@ -303,15 +321,15 @@ def factorize_cbc(
             status="images_without_block",
             message=f"{len(missing)} image(s) share no {options.min_block_tracks} tracks with two "
             "others; leave them out or match more pairs",
-            diagnostics={"images_without_block": missing.tolist()},
+            diagnostics={"images_without_block": missing.tolist(), "tied_images": tied.tolist()},
         )
-    used = [basis.images for basis in bases]
-    if len(np.unique(tied_groups(used, num_images))) > 1:
+    if len(np.unique(group)) > 1:
         return Solution(
             value=None,
             status="disconnected",
             message="no two blocks with two images in common tie all images together: the series "
             "falls into parts; match more pairs or lower the minimum of common tracks",
+            diagnostics={"tied_images": tied.tolist()},
         )
     A, diagnostics = joint_projection(bases, num_images, options)
     t = joint_translation(bases, A)

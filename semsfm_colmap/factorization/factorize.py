@@ -30,6 +30,8 @@ POLISH_OBSERVATIONS = 400
 which uses all."""
 SEGMENT_OBSERVATIONS = 1200
 """Observations an image that segments choose from: they lose tracks at their ends, and filter."""
+MIN_IMAGES = 3
+"""Fewer do not give depth."""
 AFFINE_THRESHOLD_PX = 8.0
 """Reprojection error up to which observations take part in the polish: the paper's first round."""
 
@@ -72,6 +74,32 @@ def factorize(
         if joined.value is not None:
             return joined
     return factorize_whole(part, observations, options, rng)
+
+
+def factorize_most(
+    part: Part,
+    observations: Observations,
+    options: FactorizationOptions,
+    rng: np.random.Generator,
+) -> tuple[Part, Solution[tuple[OrthographicCameras, Float]]]:
+    """`factorize`, without the images that hang on blocks which prove wrong.
+
+    Blocks tie a part together; one whose tracks do not agree on a motion is dropped, and the part
+    may fall apart by it. Then the images that are still tied are factorized: the others have tracks
+    in common with them, and are registered by these.
+
+    Returns
+    -------
+    What was factorized, the part itself as a rule, and its `factorize`
+
+    """
+    found = factorize(part, observations, options, rng)
+    tied = np.asarray(found.diagnostics.get("tied_images", []), dtype=np.int64)
+    if found.value is not None or not MIN_IMAGES <= len(tied) < len(part.images):
+        return part, found
+    images = part.images[tied]
+    blocks = [block for block in part.blocks if np.isin(block.images, images).all()]
+    return factorize_most(Part(images=images, blocks=blocks), observations, options, rng)
 
 
 def factorize_segments(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.factorization.degeneracy import RankDiagnosis, diagnose_rank
-from semsfm_colmap.factorization.factorize import factorize, find_parts
+from semsfm_colmap.factorization.factorize import factorize_most, find_parts
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.rotations import (
     MIRROR_Z,
@@ -141,7 +141,7 @@ def map_observations(
                 value=None, status=status, message=message, diagnostics=asdict(rank)
             )
             continue
-        start = factorize(part, observations, factorization, rng)
+        tied, start = factorize_most(part, observations, factorization, rng)
         if start.value is None:
             failure = failure or Solution(
                 value=None,
@@ -151,21 +151,21 @@ def map_observations(
             )
             continue
         say(
-            f"factorization: {len(part.images)} images, {len(part.blocks)} complete blocks, "
+            f"factorization: {len(tied.images)} images, {len(tied.blocks)} complete blocks, "
             f"affine residual {start.diagnostics['affine_rms_px']:.3f} px"
         )
         cameras, _ = start.value
         seen = split_tracks(
             observations,
             cameras,
-            part.images,
+            tied.images,
             min_length=refinement.min_track_length,
             trials=refinement.ransac_trials,
             seed=seed,
         )
         refined = refine(
             cameras,
-            part.images,
+            tied.images,
             seen,
             refinement,
             rng=rng,

@@ -1,10 +1,17 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from semsfm_colmap.factorization.blocks import select_blocks
-from semsfm_colmap.factorization.cbc import factorize_cbc
+from semsfm_colmap.factorization.blocks import select_blocks, tied_groups
+from semsfm_colmap.factorization.cbc import factorize_cbc, largest_tied
 from semsfm_colmap.factorization.complete import factorize_complete
-from semsfm_colmap.factorization.factorize import factorize, find_parts, rms_with_cameras
+from semsfm_colmap.factorization.factorize import (
+    factorize,
+    factorize_most,
+    find_parts,
+    rms_with_cameras,
+)
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 from tests.alignment import best_hand_errors_deg
@@ -112,3 +119,28 @@ def test_blocks_do_not_depend_on_the_order_of_the_images():
     shuffled = observations_from_matrix(M.reshape(12, 2, -1)[order].reshape(24, -1))
     found = cbc(shuffled)
     assert rms_with_cameras(found.value.A, found.value.t, shuffled) < 1e-6
+
+
+def test_the_images_of_the_group_that_holds_the_most_are_the_largest_tied():
+    blocks = [np.array(b) for b in ([0, 1, 2], [1, 2, 3], [4, 5, 6], [5, 6, 7, 8, 9, 10])]
+    assert largest_tied(blocks, tied_groups(blocks, 11)).tolist() == [4, 5, 6, 7, 8, 9, 10]
+    assert len(largest_tied([], tied_groups([], 11))) == 0
+
+
+def test_where_wrong_blocks_hold_a_part_together_the_tied_images_are_factorized():
+    """Eight images whose only ties to four others are tracks that agree on no motion."""
+    s = scene(num_images=12, body="field", track_window=0)
+    obs = s.observations
+    rng = np.random.default_rng(0)
+    early = obs.track_idx % 3 == 0
+    late = obs.track_idx % 3 == 1
+    keep = (early & (obs.image_idx < 8)) | (late & (obs.image_idx >= 8))
+    bridge = (obs.track_idx % 3 == 2) & (obs.image_idx >= 6) & (obs.image_idx < 10)
+    xy = np.where(bridge[:, None], rng.uniform(0, 1000, obs.xy.shape), obs.xy)
+    wrong = replace(obs, xy=xy).select(keep | bridge)
+    part = find_parts(wrong, FactorizationOptions())[0]
+    assert len(part.images) == 12
+    tied, found = factorize_most(part, wrong, FactorizationOptions(), np.random.default_rng(1))
+    assert tied.images.tolist() == list(range(8))
+    error = best_hand_errors_deg(found.value[0].cam_from_world, s.cameras.cam_from_world[:8])
+    assert np.median(error) < 0.3
