@@ -423,13 +423,14 @@ def with_known_tilt(
     covariance = covariance_of(refined, height_px[refined.images], drift_sigma_px)
     if not check.consistent or known is None or covariance is None or np.isnan(check.factor):
         return refined, {"tilt_prior": figures}, [check.message]
-    range_sigma = total_rotation_sigma(refined, covariance)
-    combined = combine_tilt(check, total_rotation(R), range_sigma)
+    combined = combine_tilt(check, total_rotation(R), total_rotation_sigma(refined, covariance))
+    # the adjustment knows of no drift: what holds against it is measured by its own error bars
+    own = covariance_of(refined, height_px[refined.images], 0.0) or covariance
     a, b = known.pairs.T
     angles = replace(
         known,
         angle_rad=combined.stretch * rotation_angle(R[a] @ R[b].transpose(0, 2, 1)),
-        sigma_rad=np.full(len(a), TIGHT * range_sigma),
+        sigma_rad=np.full(len(a), TIGHT * total_rotation_sigma(refined, own)),
     )
     adjusted = replace(
         adjust_with_angles(refined, angles, options), state=refined.state, model=refined.model
