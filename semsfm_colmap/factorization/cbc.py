@@ -281,19 +281,21 @@ def joint_translation(bases: list[BlockBasis], A: Float) -> Float:
     return np.asarray(splu(sparse.csc_array(normal)).solve(rhs)).reshape(-1, 2)
 
 
-def largest_tied(images: list[Int], group: Int) -> Int:
-    """The images of the group of blocks that holds the most of them.
+def largest_tied(images: list[Int], group: Int) -> tuple[int, Int]:
+    """The group of blocks that holds the most images, and these.
 
     Parameters
     ----------
     images, group : of each block
 
     """
-    groups = [
-        np.unique(np.concatenate([i for i, g in zip(images, group, strict=True) if g == number]))
-        for number in np.unique(group)
-    ]
-    return max(groups, key=len, default=np.zeros(0, dtype=np.int64))
+    most = (-1, np.zeros(0, dtype=np.int64))
+    for number in np.unique(group):
+        inside = [i for i, g in zip(images, group, strict=True) if g == number]
+        found = np.unique(np.concatenate(inside))
+        if len(found) > len(most[1]):
+            most = (int(number), found)
+    return most
 
 
 def factorize_cbc(
@@ -310,7 +312,7 @@ def factorize_cbc(
     bases = [b for b in (block_basis(block, options, rng) for block in blocks) if b is not None]
     used = [basis.images for basis in bases]
     group = tied_groups(used, num_images)
-    tied = largest_tied(used, group)
+    number, tied = largest_tied(used, group)
     covered = np.zeros(num_images, dtype=bool)
     for images in used:
         covered[images] = True
@@ -323,7 +325,7 @@ def factorize_cbc(
             "others; leave them out or match more pairs",
             diagnostics={"images_without_block": missing.tolist(), "tied_images": tied.tolist()},
         )
-    if len(np.unique(group)) > 1:
+    if len(tied) < num_images:
         return Solution(
             value=None,
             status="disconnected",
@@ -331,6 +333,8 @@ def factorize_cbc(
             "falls into parts; match more pairs or lower the minimum of common tracks",
             diagnostics={"tied_images": tied.tolist()},
         )
+    # what hangs on one image only says nothing of the others
+    bases = [basis for basis, g in zip(bases, group, strict=True) if g == number]
     A, diagnostics = joint_projection(bases, num_images, options)
     t = joint_translation(bases, A)
     return Solution(

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semsfm_colmap.factorization.blocks import select_blocks, tied_groups
+from semsfm_colmap.factorization.blocks import Block, select_blocks, tied_groups
 from semsfm_colmap.factorization.cbc import factorize_cbc, largest_tied
 from semsfm_colmap.factorization.complete import factorize_complete
 from semsfm_colmap.factorization.factorize import (
@@ -123,8 +123,26 @@ def test_blocks_do_not_depend_on_the_order_of_the_images():
 
 def test_the_images_of_the_group_that_holds_the_most_are_the_largest_tied():
     blocks = [np.array(b) for b in ([0, 1, 2], [1, 2, 3], [4, 5, 6], [5, 6, 7, 8, 9, 10])]
-    assert largest_tied(blocks, tied_groups(blocks, 11)).tolist() == [4, 5, 6, 7, 8, 9, 10]
-    assert len(largest_tied([], tied_groups([], 11))) == 0
+    group = tied_groups(blocks, 11)
+    number, images = largest_tied(blocks, group)
+    assert group.tolist() == [1 - number, 1 - number, number, number]
+    assert images.tolist() == [4, 5, 6, 7, 8, 9, 10]
+    assert len(largest_tied([], tied_groups([], 11))[1]) == 0
+
+
+def test_a_block_that_shares_one_image_with_each_other_block_has_no_say():
+    """Its own tracks move like another body; all images are tied together without it."""
+    s = scene(num_images=7, noise_px=0.0, body="field", track_window=0)
+    M, tracks = s.observations.measurement_matrix(), np.arange(60)
+    blocks = [
+        Block(images=np.arange(i, i + 3), tracks=tracks, M=M[2 * i : 2 * i + 6, :60])
+        for i in range(5)
+    ]
+    rng = np.random.default_rng(0)
+    other = rng.normal(size=(6, 3)) @ (300.0 * rng.normal(size=(3, 60)))
+    odd = Block(images=np.array([0, 3, 6]), tracks=tracks, M=other)
+    found = factorize_cbc([*blocks, odd], 7, FactorizationOptions(), np.random.default_rng(0))
+    assert rms_with_cameras(found.value.A, found.value.t, s.observations) < 1e-6
 
 
 def test_where_wrong_blocks_hold_a_part_together_the_tied_images_are_factorized():
