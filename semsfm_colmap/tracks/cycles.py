@@ -20,7 +20,7 @@ import numpy as np
 
 from semsfm_colmap.types import Bool, Int
 
-MIN_BETWEEN = 3
+MIN_BETWEEN = 2
 """Images between two others from which on one of them must show the point."""
 
 Pair = tuple[int, int]
