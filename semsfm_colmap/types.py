@@ -149,15 +149,15 @@ class Observations(_Frozen):
             return np.ones(len(self))
         return np.asarray(1.0 / np.square(self.relative_sigma))
 
-    def select(self, mask: Array) -> Observations:
-        """The observations where `mask` is True; images and tracks keep their numbers."""
+    def select(self, rows: Array) -> Observations:
+        """Some of the observations, by mask or by index; images and tracks keep their numbers."""
         return replace(
             self,
-            image_idx=self.image_idx[mask],
-            track_idx=self.track_idx[mask],
-            keypoint_idx=self.keypoint_idx[mask],
-            xy=self.xy[mask],
-            relative_sigma=None if self.relative_sigma is None else self.relative_sigma[mask],
+            image_idx=self.image_idx[rows],
+            track_idx=self.track_idx[rows],
+            keypoint_idx=self.keypoint_idx[rows],
+            xy=self.xy[rows],
+            relative_sigma=None if self.relative_sigma is None else self.relative_sigma[rows],
         )
 
     def measurement_matrix(self) -> Float:

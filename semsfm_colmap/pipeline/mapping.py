@@ -425,7 +425,9 @@ def with_known_tilt(
         return refined, {"tilt_prior": figures}, [check.message]
     combined = combine_tilt(check, total_rotation(R), total_rotation_sigma(refined, covariance))
     # the adjustment knows of no drift: what holds against it is measured by its own error bars
-    own = covariance_of(refined, height_px[refined.images], 0.0) or covariance
+    own = covariance
+    if drift_sigma_px > 0.0:
+        own = covariance_of(refined, height_px[refined.images], 0.0) or covariance
     a, b = known.pairs.T
     angles = replace(
         known,

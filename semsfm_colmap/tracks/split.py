@@ -86,14 +86,4 @@ def split_tracks(
     if num_tracks == observations.num_tracks:
         return observations
     order = np.lexsort((observations.image_idx, track_idx))
-    return replace(
-        observations,
-        image_idx=observations.image_idx[order],
-        track_idx=track_idx[order],
-        keypoint_idx=observations.keypoint_idx[order],
-        xy=observations.xy[order],
-        num_tracks=num_tracks,
-        relative_sigma=None
-        if observations.relative_sigma is None
-        else observations.relative_sigma[order],
-    )
+    return replace(observations.select(order), track_idx=track_idx[order], num_tracks=num_tracks)
