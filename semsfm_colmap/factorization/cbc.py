@@ -24,7 +24,6 @@ from scipy.sparse.linalg import splu
 
 from semsfm_colmap.factorization.blocks import Block, tied_groups
 from semsfm_colmap.factorization.options import FactorizationOptions
-from semsfm_colmap.geometry.eliminated import SINGLE_THREAD_LIMIT
 from semsfm_colmap.geometry.threads import blas_threads
 from semsfm_colmap.types import AffineModel, Bool, Float, Int, Solution
 
@@ -36,6 +35,8 @@ MIN_INDEPENDENT = 1e-10
 """Squared share of a column that must be new for four columns to span a subspace."""
 DENSE_EIGEN_LIMIT = 3000
 """Up to so many rows the eigenvectors come from a dense decomposition."""
+SINGLE_THREAD_ROWS = 1500
+"""Up to so many rows one BLAS thread decomposes fastest: several wait for one another."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -204,8 +205,7 @@ def smallest_eigenvectors(C: sparse.csc_array, count: int) -> tuple[Float, Float
     if C.shape[0] <= DENSE_EIGEN_LIMIT:
         from scipy.linalg import eigh
 
-        # several threads on a small matrix only wait for one another
-        with blas_threads(1 if C.shape[0] < SINGLE_THREAD_LIMIT else None):
+        with blas_threads(1 if C.shape[0] < SINGLE_THREAD_ROWS else None):
             values, vectors = eigh(C.toarray(), subset_by_index=[0, count - 1])
         return values, vectors
     from scipy.sparse.linalg import eigsh

@@ -18,24 +18,23 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import LinAlgError
 
+from semsfm_colmap.geometry.band import BandLayout, BandMatrix
 from semsfm_colmap.geometry.losses import LossName, gaussian_constants
 from semsfm_colmap.geometry.points import fit_points, track_pointer
 from semsfm_colmap.geometry.reduced import (
     CovisiblePairs,
-    Matrix,
     accumulate_blocks,
-    add_prior,
-    assemble,
+    band_layout,
     covisible_pairs,
-    solve_damped,
+    gradient_of,
 )
 from semsfm_colmap.geometry.threads import blas_threads
 from semsfm_colmap.types import Float, Int, Observations
 
 P = TypeVar("P")
 
-SINGLE_THREAD_LIMIT = 1500
-"""Up to so many parameters one BLAS thread is fastest."""
+SINGLE_THREAD_WIDTH = 500
+"""Up to a band of so many parameters one BLAS thread is fastest."""
 
 
 class CameraModel(Protocol[P]):
@@ -143,18 +142,34 @@ def precision_of(sigma_px: float, observations: Observations) -> Float:
     return np.asarray(observations.precision / sigma_px**2)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReducedSystem:
+    """Which images meet in the reduced system, and how it is laid out; fixed during a search."""
+
+    pairs: CovisiblePairs
+    layout: BandLayout
+
+    @classmethod
+    def of(
+        cls, model: CameraModel[P], params: P, observations: Observations, pointer: Int
+    ) -> ReducedSystem:
+        """From the tracks, the parameters and the priors."""
+        pairs = covisible_pairs(observations.image_idx, pointer, observations.num_images)
+        _, prior_jacobian = model.prior(params)
+        layout = band_layout(pairs, model.param_idx, model.num_params, prior_jacobian)
+        return cls(pairs=pairs, layout=layout)
+
+
 def linearise(
     model: CameraModel[P],
     state: Eliminated[P],
     observations: Observations,
     pointer: Int,
     sigma_px: float,
-    pairs: CovisiblePairs | None = None,
-) -> tuple[Matrix, Float]:
+    system: ReducedSystem,
+) -> tuple[BandMatrix, Float]:
     """Hessian and gradient of half the cost at a state, priors included."""
-    obs = observations
-    if pairs is None:
-        pairs = covisible_pairs(obs.image_idx, pointer, obs.num_images)
+    obs, pairs = observations, system.pairs
     A, _ = model.cameras(state.params)
     blocks, by_image = accumulate_blocks(
         lambda rows: model.jacobian(
@@ -168,12 +183,12 @@ def linearise(
         pairs,
         model.param_idx.shape[1],
     )
-    H, g = assemble(blocks, by_image, pairs, model.param_idx, model.num_params)
+    H = BandMatrix.zeros(system.layout)
+    H.add_blocks(blocks, pairs.first, pairs.second, model.param_idx)
+    g = gradient_of(by_image, model.param_idx, model.num_params)
     prior, prior_jacobian = model.prior(state.params)
-    if len(prior):
-        H = add_prior(H, prior_jacobian)
-        g = g + np.asarray(prior_jacobian.T @ prior)
-    return H, g
+    H.add_products(prior_jacobian)
+    return H, g + np.asarray(prior_jacobian.T @ prior)
 
 
 def minimise(
@@ -190,21 +205,24 @@ def minimise(
     say. ``sigma_px`` is the noise of a coordinate, in which ``relative_sigma`` of an observation
     counts.
     """
-    # the reduced systems are small: more BLAS threads only wait for one another
-    threads = 1 if model.num_params < SINGLE_THREAD_LIMIT else None
-    with blas_threads(threads):
-        return _minimise(model, params, observations, sigma_px, options or SolverOptions())
+    pointer = track_pointer(observations.track_idx, observations.num_tracks)
+    system = ReducedSystem.of(model, params, observations, pointer)
+    # a narrow band: more BLAS threads only wait for one another
+    with blas_threads(1 if system.layout.width < SINGLE_THREAD_WIDTH else None):
+        return _minimise(
+            model, params, observations, pointer, system, sigma_px, options or SolverOptions()
+        )
 
 
 def _minimise(
     model: CameraModel[P],
     params: P,
     observations: Observations,
+    pointer: Int,
+    system: ReducedSystem,
     sigma_px: float,
     options: SolverOptions,
 ) -> Eliminated[P]:
-    pointer = track_pointer(observations.track_idx, observations.num_tracks)
-    pairs = covisible_pairs(observations.image_idx, pointer, observations.num_images)
     state: Eliminated[Any] = evaluate(
         model, params, observations, pointer, sigma_px, options, np.ones(len(observations))
     )
@@ -212,10 +230,10 @@ def _minimise(
     damping, growth = options.initial_damping, 2.0
     converged = False
     iteration = 0
-    H, g = linearise(model, state, observations, pointer, sigma_px, pairs)
+    H, g = linearise(model, state, observations, pointer, sigma_px, system)
     while iteration < options.max_iterations and not converged:
         iteration += 1
-        diagonal = H.diagonal().copy()
+        diagonal = H.main_diagonal()
         floor = 1e-12 * float(np.max(diagonal, initial=1e-300))
         diagonal = np.maximum(diagonal, floor)
         if np.max(np.abs(g) / np.sqrt(diagonal), initial=0.0) < options.gradient_tolerance * (
@@ -224,7 +242,7 @@ def _minimise(
             converged = True
             break
         try:
-            step = -solve_damped(H, damping * diagonal, g)
+            step = -H.factorise(damping * diagonal).solve(g)
         except LinAlgError:
             damping, growth = damping * growth, growth * 2.0
             continue
@@ -237,7 +255,8 @@ def _minimise(
             options,
             state.weight,
         )
-        predicted = float(-2.0 * (g @ step) - step @ (H @ step))
+        # -2 g s - s H s with H s = -g - damping s
+        predicted = float(damping * (step @ (diagonal * step)) - g @ step)
         gain = (state.cost - trial.cost) / max(predicted, 1e-300)
         if trial.cost < state.cost:
             fall = state.cost - trial.cost
@@ -248,7 +267,7 @@ def _minimise(
             damping = max(damping, 1e-12)
             growth = 2.0
             if not converged:
-                H, g = linearise(model, state, observations, pointer, sigma_px, pairs)
+                H, g = linearise(model, state, observations, pointer, sigma_px, system)
         else:
             # a step too small to change the cost in double precision is as good as none
             if predicted <= options.cost_tolerance * state.cost * 1e-2 or damping > 1e12:

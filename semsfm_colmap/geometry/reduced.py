@@ -4,37 +4,32 @@
 
 Only images that share a track have a block in S, so the blocks of the co-visible pairs are all that
 is kept: for a long series with short tracks their number grows with the series, not with its
-square. They become one matrix at the end, dense or sparse as it fits.
+square. They become one matrix at the end, in a band where the series has one (`band_layout`).
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numba
 import numpy as np
 from scipy import sparse
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from semsfm_colmap.geometry.band import BandLayout
 from semsfm_colmap.geometry.points import add_observation, invert_symmetric
-from semsfm_colmap.geometry.threads import blas_threads, threads_for
+from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.types import Float, Int
 
-Matrix = Float | sparse.csc_array
-"""A symmetric matrix: dense when small or full, else sparse."""
-
-SPARSE_LIMIT = 1500
-"""Systems of more parameters are kept sparse when they are."""
-MAX_SPARSE_DENSITY = 0.2
-"""Share d of non-zeros up to which the factorization within the band is faster: with n parameters,
-d n apart at most, it takes 3.3 d^2 n^3 operations in one thread, the dense one n^3 / 3 in all."""
+DENSE_LIMIT = 700
+"""Systems of fewer parameters are solved whole."""
+MAX_BAND_SHARE = 0.4
+"""Width of the band, as a share of all parameters, up to which it is faster: n parameters take
+1.3 n w^2 operations at a width w, and n^3 / 3 in one block."""
 MIN_BLOCK = 96
-"""Smallest blocks of the factorization within the band: smaller ones do not keep a core busy."""
-BORDER_SHARE = 0.7
-"""Columns that meet a larger share of the others belong to no band."""
+"""Smallest blocks of the band: smaller ones do not keep a core busy."""
+SMOOTHING_SWEEPS = 8
 SUM_CHUNKS = 4
 """Partial sums, whatever the number of threads, so that the result does not depend on it."""
 BATCH_OBSERVATIONS = 500_000
@@ -215,111 +210,83 @@ def accumulate_blocks(
     return blocks.sum(axis=0), gradient.sum(axis=0)
 
 
-def assemble(
-    blocks: Float, gradient: Float, pairs: CovisiblePairs, param_idx: Int, num_params: int
-) -> tuple[Matrix, Float]:
-    """The matrix (n, n) and gradient (n,) of the global parameters.
+def reach_of(order: Int, graph: sparse.coo_array) -> int:
+    """How far apart neighbours of the graph come to stand in an order."""
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    return int(np.max(np.abs(place[graph.row] - place[graph.col]), initial=0))
 
-    Parameters of several images (aspect, skew) collect from all of them; fixed ones (-1) drop out.
+
+def narrow_order(graph: sparse.coo_array) -> Int:
+    """An order (M,) of the nodes in which neighbours are close.
+
+    Reverse Cuthill-McKee goes out from one node ring by ring, and within a ring in any order: in a
+    closed turn its band is nearly twice as wide as need be. Moving each node to the mean place of
+    its neighbours a few times sorts the rings within.
     """
-    own = pairs.first == pairs.second
-    a, b = param_idx[pairs.first], param_idx[pairs.second]
-    p = param_idx.shape[1]
-    rows = np.broadcast_to(a[:, :, None], (len(a), p, p))
-    cols = np.broadcast_to(b[:, None, :], (len(a), p, p))
-    free = (rows >= 0) & (cols >= 0)
-    both = free & ~own[:, None, None]
-    i = np.concatenate([rows[free], cols[both]])
-    j = np.concatenate([cols[free], rows[both]])
-    values = np.concatenate([blocks[free], blocks[both]])
+    order: Int = np.asarray(
+        reverse_cuthill_mckee(sparse.csr_array(graph), symmetric_mode=True), dtype=np.int64
+    )
+    best, least = order, reach_of(order, graph)
+    adjacency = sparse.csr_array(graph)
+    adjacency.data[:] = 1.0
+    place = np.empty(len(order))
+    place[order] = np.arange(len(order))
+    for _ in range(SMOOTHING_SWEEPS):
+        place = (adjacency @ place) / np.maximum(np.diff(adjacency.indptr), 1)
+        order = np.asarray(np.argsort(place, kind="stable"), dtype=np.int64)
+        reach = reach_of(order, graph)
+        if reach < least:
+            best, least = order, reach
+    return best
+
+
+def band_layout(
+    pairs: CovisiblePairs, param_idx: Int, num_params: int, prior_jacobian: sparse.csr_array
+) -> BandLayout:
+    """An order of the parameters in which those that meet are close, where there is one.
+
+    Parameters of several images (aspect, skew) meet all others and form the border. Small or full
+    systems stay dense.
+    """
+    used = param_idx >= 0
+    shared = np.bincount(param_idx[used], minlength=num_params) > 1
+    own = used & ~shared[param_idx]
+    num_images = len(param_idx)
+    # images that meet in a track or in a prior
+    owner = np.zeros(num_params, dtype=np.int64)
+    owner[param_idx[own]] = np.nonzero(own)[0]
+    entries = sparse.coo_array(prior_jacobian)
+    mine = ~shared[entries.col]
+    rows = sparse.csr_array(
+        (np.ones(mine.sum()), (entries.row[mine], owner[entries.col[mine]])),
+        shape=(prior_jacobian.shape[0], num_images),
+    )
+    ties = sparse.csr_array(
+        (np.ones(len(pairs.first)), (pairs.first, pairs.second)), shape=(num_images, num_images)
+    )
+    graph = sparse.coo_array(ties + ties.T + rows.T @ rows)
+    order = narrow_order(graph)
+    count = own.sum(axis=1)
+    begin = np.empty(num_images, dtype=np.int64)
+    begin[order] = np.cumsum(count[order]) - count[order]
+    reach = begin[graph.row] + count[graph.row] - 1 - begin[graph.col]
+    width = max(int(np.max(reach, initial=0)), MIN_BLOCK)
+    num_inner = int(count.sum())
+    if num_params < DENSE_LIMIT or width > MAX_BAND_SHARE * num_inner:
+        return BandLayout.dense(num_params)
+    place = np.empty(num_params, dtype=np.int64)
+    within = np.cumsum(own, axis=1) - 1
+    place[param_idx[own]] = (begin[:, None] + within)[own]
+    border = np.flatnonzero(shared)
+    place[border] = num_inner + np.arange(len(border))
+    assert num_inner + len(border) == num_params
+    return BandLayout.banded(place, width, len(border))
+
+
+def gradient_of(by_image: Float, param_idx: Int, num_params: int) -> Float:
+    """The gradient (n,) from that by image (M, p); shared parameters collect from all images."""
     g = np.zeros(num_params)
     used = param_idx >= 0
-    np.add.at(g, param_idx[used], gradient[used])
-    H = sparse.coo_array((values, (i, j)), shape=(num_params, num_params))
-    share = len(values) / max(num_params, 1) ** 2
-    if num_params > SPARSE_LIMIT and share < MAX_SPARSE_DENSITY:
-        return H.tocsc(), g
-    return H.toarray(), g
-
-
-def add_prior(H: Matrix, jacobian: sparse.csr_array) -> Matrix:
-    """``H + J^T J`` for a sparse J."""
-    extra = sparse.csc_array(jacobian.T @ jacobian)
-    if sparse.issparse(H):
-        return sparse.csc_array(H + extra)
-    return np.asarray(H + extra.toarray())
-
-
-def banded_order(A: sparse.csc_array) -> tuple[Int, Int]:
-    """Order that narrows the band (reverse Cuthill-McKee), and columns that no order narrows.
-
-    Parameters of all images (aspect, skew) meet every other one: they are kept apart.
-    """
-    n = A.shape[0]
-    full = np.diff(A.indptr) > BORDER_SHARE * n
-    border, rest = np.flatnonzero(full), np.flatnonzero(~full)
-    inner = sparse.csr_array(A[rest][:, rest])
-    return rest[reverse_cuthill_mckee(inner, symmetric_mode=True)], border
-
-
-def solve_in_band(A: sparse.csr_array, b: Float) -> Float:
-    """Solve ``A X = B`` for a positive definite A of small bandwidth w.
-
-    Cut into blocks of size w, A is block tridiagonal; its Cholesky factors are dense blocks, which
-    is many times faster than LAPACK's banded routine at widths of some hundred.
-    """
-    n = A.shape[0]
-    entries = A.tocoo()
-    width = max(int(np.max(np.abs(entries.row - entries.col), initial=0)), MIN_BLOCK)
-    cuts = [*range(0, max(n - width // 2, 1), width), n]
-    starts = list(itertools.pairwise(cuts))
-    factors: list[Float] = []
-    links: list[Float] = []
-    x = np.array(b, dtype=np.float64)
-    for k, (first, last) in enumerate(starts):
-        block = A[first:last, first:last].toarray()
-        if k > 0:
-            before = slice(*starts[k - 1])
-            # W = C^-1 A_up; the next diagonal block loses W^T W
-            up = A[before, first:last].toarray()
-            W = solve_triangular(factors[-1], up, lower=True, check_finite=False)
-            block -= W.T @ W
-            x[first:last] -= W.T @ x[before]
-            links.append(W)
-        factors.append(cholesky(block, lower=True, overwrite_a=True, check_finite=False))
-        x[first:last] = solve_triangular(factors[-1], x[first:last], lower=True, check_finite=False)
-    for k in range(len(starts) - 1, -1, -1):
-        rows = slice(*starts[k])
-        if k + 1 < len(starts):
-            x[rows] -= links[k] @ x[slice(*starts[k + 1])]
-        x[rows] = solve_triangular(factors[k], x[rows], lower=True, trans="T", check_finite=False)
-    return x
-
-
-def solve_sparse(A: sparse.csc_array, g: Float) -> Float:
-    """Solve ``A x = g`` for a sparse positive definite A by Cholesky within its band.
-
-    With the border columns C and their corner D: ``B^-1 [C, g]`` in the band, then the small Schur
-    complement ``D - C^T B^-1 C``.
-    """
-    order, border = banded_order(A)
-    rows = sparse.csr_array(A[order])
-    C = rows[:, border].toarray()
-    with blas_threads(1):
-        inner = solve_in_band(sparse.csr_array(rows[:, order]), np.column_stack([C, g[order]]))
-    x = np.empty(len(g))
-    x[border] = np.linalg.solve(
-        A[border][:, border].toarray() - C.T @ inner[:, :-1], g[border] - C.T @ inner[:, -1]
-    )
-    x[order] = inner[:, -1] - inner[:, :-1] @ x[border]
-    return x
-
-
-def solve_damped(H: Matrix, damping: Float, g: Float) -> Float:
-    """Solve ``(H + diag(damping)) x = g`` for a positive definite H (n, n); else LinAlgError."""
-    if sparse.issparse(H):
-        damped = sparse.csc_array(H + sparse.diags_array(damping, format="csc"))
-        return solve_sparse(damped, g)
-    dense = np.array(H)
-    dense[np.diag_indices_from(dense)] += damping
-    return np.asarray(cho_solve(cho_factor(dense, lower=True, overwrite_a=True), g))
+    np.add.at(g, param_idx[used], by_image[used])
+    return g

@@ -32,11 +32,16 @@ def keep_tracks(
     mask = np.asarray(mask, dtype=bool)
     if image_number is not None:
         mask = mask & (image_number[observations.image_idx] >= 0)
-    length = np.bincount(observations.track_idx[mask], minlength=observations.num_tracks)
+    track_idx = observations.track_idx
+    length = np.bincount(
+        track_idx if mask.all() else track_idx[mask], minlength=observations.num_tracks
+    )
     alive = length >= max(min_length, 1)
     kept = np.flatnonzero(alive)
     new_track = np.cumsum(alive) - 1
-    selected = observations.select(mask & alive[observations.track_idx])
+    chosen = mask & alive[track_idx]
+    # where all stay nothing is copied
+    selected = observations if chosen.all() else observations.select(chosen)
     image_idx, num_images = selected.image_idx, selected.num_images
     if image_number is not None:
         image_idx = image_number[image_idx]
@@ -45,7 +50,7 @@ def keep_tracks(
         replace(
             selected,
             image_idx=image_idx,
-            track_idx=new_track[selected.track_idx],
+            track_idx=selected.track_idx if alive.all() else new_track[selected.track_idx],
             num_images=num_images,
             num_tracks=len(kept),
         ),

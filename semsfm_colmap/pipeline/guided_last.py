@@ -9,8 +9,9 @@ import numpy as np
 from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.matching.guided.grow import Grown
 from semsfm_colmap.matching.guided.noise import fit_relative_sigma
+from semsfm_colmap.refinement.noise import expected_share
 from semsfm_colmap.refinement.options import RefinementOptions
-from semsfm_colmap.refinement.refine import Refined, expected_share, refine
+from semsfm_colmap.refinement.refine import Refined, refine
 from semsfm_colmap.refinement.scan_drift import adjust_with_drift, without_drift
 from semsfm_colmap.types import Float, Observations
 

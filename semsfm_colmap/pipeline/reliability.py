@@ -134,8 +134,7 @@ def total_rotation_sigma(refined: Refined, covariance: Covariance) -> float:
     a, b = widest_pair(R)
     n = vector_from_rotation(R[b] @ R[a].T)
     n = np.asarray(n / max(float(np.linalg.norm(n)), 1e-300))
-    g = np.zeros(len(covariance.cameras))
+    g = np.zeros(len(covariance.cameras.gauge))
     g[refined.model.param_idx[b, :3]] += n
     g[refined.model.param_idx[a, :3]] -= n
-    variance = float(g @ covariance.cameras @ g)
-    return float(np.sqrt(max(variance, 0.0)))
+    return float(np.sqrt(covariance.cameras.variance(g)))

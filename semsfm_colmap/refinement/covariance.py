@@ -2,13 +2,16 @@
 
 With noise sigma per coordinate and camera Hessian S (points eliminated, priors included), the
 camera covariance is the pseudo-inverse of S over the gauge: rotating and shifting the world changes
-nothing (6 directions), so S has them as null space N and
+nothing (6 directions), so S has them as null space N. Any six conditions E that hold the world
+still make it invertible, and with N orthonormal
 
-    C = (S + N N^T)^-1 - N N^T    (N orthonormal)
+    C = P Z P,    Z = (S + E E^T)^-1,    P = I - N N^T
 
-is the covariance in the gauge that makes the total variance of the parameters smallest (inner
-constraints, Triggs et al. 2000, section 9). A point inherits ``H^-1 + H^-1 E^T C E H^-1``, H its
-3 x 3 block and E its coupling to the cameras.
+whatever E is: the covariance in the gauge that makes the total variance of the parameters smallest
+(inner constraints, Triggs et al. 2000, section 9). E holds two images, so that S + E E^T has the
+band of S; of Z only the blocks of images that share a track are made (`geometry.band`). A point
+inherits ``H^-1 + H^-1 E^T C E H^-1``, H its 3 x 3 block and E its coupling to the cameras, and
+needs no others.
 """
 
 from __future__ import annotations
@@ -19,18 +22,27 @@ from typing import Any
 import numba
 import numpy as np
 from scipy import sparse
-from scipy.linalg import LinAlgError, cho_factor, lapack
+from scipy.linalg import LinAlgError
 
-from semsfm_colmap.geometry.eliminated import CameraModel, Eliminated, linearise, precision_of
+from semsfm_colmap.geometry.band import BandFactor, BandMatrix
+from semsfm_colmap.geometry.eliminated import (
+    CameraModel,
+    Eliminated,
+    ReducedSystem,
+    linearise,
+    precision_of,
+)
 from semsfm_colmap.geometry.losses import gaussian_constants, weight
 from semsfm_colmap.geometry.points import add_observation, invert_symmetric, track_pointer
-from semsfm_colmap.geometry.reduced import PARALLEL_COST, covisible_pairs, track_batches
+from semsfm_colmap.geometry.reduced import PARALLEL_COST, CovisiblePairs, track_batches
 from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.refinement.bundle import BundleModel
-from semsfm_colmap.types import Array, Float, Observations, OrthographicCameras, Solution
+from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Solution
 
 FULL_SIGMAS = 3.0
 """Residuals up to so many sigma are noise: 98.9 % of a Gaussian in two coordinates."""
+BATCH_PAIRS = 10_000
+"""Pairs of images whose factors of the gauge are held at a time: some 10 MB."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,8 +53,39 @@ class Covariance:
     sigma_translation_px: Float
     sigma_scale: Float
     points: Float
-    cameras: Float
-    """(n, n) full covariance of the camera parameters, in the order of the bundle model"""
+    cameras: CameraCovariance
+    """of the camera parameters, in the order of the bundle model"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraCovariance:
+    """C of the module's formula, without its n x n numbers."""
+
+    factor: BandFactor
+    """of S + E E^T"""
+    gauge: Float
+    """(n, 6) N"""
+
+    def variance(self, direction: Float) -> float:
+        """Variance ``d^T C d`` of a combination d (n,) of the camera parameters."""
+        d = direction - self.gauge @ (self.gauge.T @ direction)
+        return max(float(d @ self.factor.solve(d)), 0.0)
+
+    def blocks(self, pairs: CovisiblePairs, param_idx: Int) -> Float:
+        """C of each pair of images: (B, p, p), 0 for parameters held fixed."""
+        N = self.gauge
+        ZN = self.factor.solve(N)
+        # P Z P = Z - N (Z N)^T - (Z N) N^T + N (N^T Z N) N^T
+        left = np.concatenate([N, N @ (N.T @ ZN) - ZN], axis=1)
+        right = np.concatenate([-ZN, N], axis=1)
+        fixed = np.zeros((1, left.shape[1]))
+        left, right = np.concatenate([left, fixed]), np.concatenate([right, fixed])
+        C = self.factor.inverse().get_blocks(pairs.first, pairs.second, param_idx)
+        for some in range(0, len(C), BATCH_PAIRS):
+            batch = slice(some, some + BATCH_PAIRS)
+            rows, cols = param_idx[pairs.first[batch]], param_idx[pairs.second[batch]]
+            C[batch] += left[rows] @ right[cols].transpose(0, 2, 1)
+        return C
 
 
 def gauge_directions(model: CameraModel[Any], cameras: OrthographicCameras) -> Float:
@@ -72,7 +115,7 @@ def gauge_directions(model: CameraModel[Any], cameras: OrthographicCameras) -> F
 
 @numba.njit(cache=True, parallel=True)
 def _point_covariance(  # type: ignore[no-untyped-def]
-    J, A, w, image_idx, pointer, tracks, begin_row, param_idx, C, out
+    J, A, w, image_idx, pointer, tracks, begin_row, lookup, C, out
 ):
     p = J.shape[2]
     for t in numba.prange(len(tracks)):
@@ -101,16 +144,13 @@ def _point_covariance(  # type: ignore[no-untyped-def]
         CE = np.zeros((p, 3))
         for o in range(begin, end):
             for q in range(begin, o + 1):
+                # stored for (later, earlier image); tracks are sorted by image
+                block = C[lookup[image_idx[o], image_idx[q]]]
                 CE[:] = 0.0
-                for m in range(p):
-                    gm = param_idx[image_idx[q], m]
-                    if gm < 0:
-                        continue
-                    for k in range(p):
-                        gk = param_idx[image_idx[o], k]
-                        if gk >= 0:
-                            for y in range(3):
-                                CE[k, y] += C[gk, gm] * E[q - begin, m, y]
+                for k in range(p):
+                    for m in range(p):
+                        for y in range(3):
+                            CE[k, y] += block[k, m] * E[q - begin, m, y]
                 for x in range(3):
                     for y in range(3):
                         value = 0.0
@@ -123,22 +163,23 @@ def _point_covariance(  # type: ignore[no-untyped-def]
         out[j] = inverse + inverse @ B @ inverse
 
 
-@numba.njit(cache=True)
-def _mirror(a):  # type: ignore[no-untyped-def]
-    for i in range(len(a)):
-        for j in range(i):
-            a[j, i] = a[i, j]
+def hold_world(
+    S: BandMatrix, N: Float, viewing_direction: Float, pairs: CovisiblePairs, param_idx: Int
+) -> None:
+    """Add ``E E^T``, six conditions that hold the world still, to the reduced system.
 
-
-def inverse_from_factor(lower: Float) -> Float:
-    """The inverse of a positive definite matrix from its Cholesky factor (lower triangle).
-
-    In place where LAPACK can: with a thousand images a matrix has 300 MB.
+    They hold the parameters of the two images that meet and see the most different views, each in
+    units of its own stiffness: ``E = D^1/2 Q``, D their diagonal of S and ``Q R = D^1/2 N``.
     """
-    inverse, info = lapack.dpotri(lower, lower=1, overwrite_c=1)
-    assert info == 0
-    _mirror(inverse)
-    return np.asarray(inverse)
+    cosine = np.einsum("bi,bi->b", viewing_direction[pairs.first], viewing_direction[pairs.second])
+    widest = int(np.argmin(np.abs(cosine)))
+    held = np.unique(param_idx[[pairs.first[widest], pairs.second[widest]]])
+    held = held[held >= 0]
+    stiffness = np.sqrt(S.main_diagonal()[held])[:, None]
+    Q, _ = np.linalg.qr(stiffness * N[held])
+    E = np.zeros((len(N), 6))
+    E[held] = stiffness * Q
+    S.add_products(sparse.csr_array(E.T))
 
 
 def information_weight(state: Eliminated[Any], precision: Float) -> Float:
@@ -174,17 +215,15 @@ def estimate_covariance(
     pointer = track_pointer(observations.track_idx, observations.num_tracks)
     precision = precision_of(sigma_px, observations)
     w = information_weight(state, precision)
-    pairs = covisible_pairs(observations.image_idx, pointer, observations.num_images)
-    H, _ = linearise(model, replace(state, weight=w), observations, pointer, sigma_px, pairs)
+    system = ReducedSystem.of(model, state.params, observations, pointer)
+    S, _ = linearise(model, replace(state, weight=w), observations, pointer, sigma_px, system)
     w = w * precision
-    S = H.toarray() if sparse.issparse(H) else np.asarray(H)
     cameras = state.params if isinstance(model, BundleModel) else state.params[0]
     N = gauge_directions(model, cameras)
-    # the gauge directions get the stiffness of a typical parameter, for conditioning
-    stiffness = float(np.median(np.diag(S)))
-    gauge = N @ N.T
+    pairs, param_idx = system.pairs, model.param_idx
+    hold_world(S, N, np.asarray(cameras.viewing_direction), pairs, param_idx)
     try:
-        factor = cho_factor(S + stiffness * gauge, lower=True, overwrite_a=True)
+        factor = S.factorise()
     except LinAlgError:
         return Solution(
             value=None,
@@ -192,9 +231,8 @@ def estimate_covariance(
             message="some parameters are not determined by the data and priors; "
             "no error bars can be given",
         )
-    C = inverse_from_factor(factor[0])
-    gauge /= stiffness
-    C -= gauge
+    C = CameraCovariance(factor=factor, gauge=N)
+    blocks = C.blocks(pairs, param_idx)
     A = np.ascontiguousarray(model.cameras(state.params)[0])
     points = np.full((observations.num_tracks, 3, 3), np.nan)
     image_idx, track_idx = observations.image_idx, observations.track_idx
@@ -203,11 +241,11 @@ def estimate_covariance(
         J = model.jacobian(state.params, state.X, image_idx[rows], track_idx[rows])
         with threads_for(PARALLEL_COST * len(J)):
             _point_covariance(
-                J, A, w, image_idx, pointer, batch.tracks, batch.begin_row, model.param_idx, C,
+                J, A, w, image_idx, pointer, batch.tracks, batch.begin_row, pairs.lookup, blocks,
                 points,
             )  # fmt: skip
-    variance = np.concatenate([np.maximum(np.diag(C), 0.0), [0.0]])
-    sigma: Array = np.sqrt(variance[model.param_idx])
+    own = blocks[np.diag(pairs.lookup)]
+    sigma = np.sqrt(np.maximum(np.einsum("mkk->mk", own), 0.0))
     return Solution(
         value=Covariance(
             sigma_rotation_rad=sigma[:, :3],

@@ -25,10 +25,10 @@ from semsfm_colmap.geometry.triangulation import (
 )
 from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
 from semsfm_colmap.refinement.known_angles import AnglePrior
+from semsfm_colmap.refinement.noise import noise_sigma
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.resection import resect
 from semsfm_colmap.types import (
-    Array,
     Bool,
     Float,
     Int,
@@ -48,10 +48,6 @@ parameters are then known to a twentieth of the noise, and the last round uses a
 TILT_MARGIN = 2.0
 """Nothing is left when all views lie within twice the smallest angle of triangulation: few points
 are seen in both of the outermost ones."""
-TAIL = 4.5
-"""Gaussian noise in two coordinates exceeds this many sigma once in 25,000 times."""
-MIN_SIGMA_PX = 0.02
-"""No real measurement is better; keeps the balance with the priors finite on exact data."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,33 +81,6 @@ class Refined:
     """The inliers, numbered as in `images` and `tracks`"""
     state: Eliminated[OrthographicCameras]
     model: BundleModel
-
-
-def expected_share(track_length: Int, num_images: int, num_observations: int) -> Float:
-    """The share of the noise's variance that a fit leaves in each residual: (O,).
-
-    A fit with u unknowns to n numbers leaves residuals whose squares sum to (n - u) sigma^2: 3 of
-    the 2 k numbers of a track of k observations go into its point, 6 an image into the cameras.
-    """
-    camera_share = 3.0 * num_images / num_observations
-    return np.maximum(1.0 - 1.5 / np.maximum(track_length, 2) - camera_share, 0.05)
-
-
-def noise_sigma(r: Array, track_length: Int, num_images: int) -> float:
-    """Standard deviation per coordinate from residuals (O, 2), corrected for the fit.
-
-    Residuals beyond TAIL robust standard deviations have no say.
-
-    Parameters
-    ----------
-    track_length : (O,) observations of the track of each residual
-    """
-    share = expected_share(track_length, num_images, len(r))
-    norm2 = np.sum(r * r, axis=1)
-    # the median of a Rayleigh distribution is sqrt(2 ln 2) sigma
-    first = np.sqrt(np.median(norm2 / share) / (2.0 * np.log(2.0)))
-    good = norm2 < (TAIL * max(first, 1e-12)) ** 2
-    return max(float(np.sqrt(norm2[good].sum() / (2.0 * share[good].sum()))), MIN_SIGMA_PX)
 
 
 def select_inliers(
@@ -254,10 +223,7 @@ def _adjust(
     P, t = cameras.projection, np.asarray(cameras.translation_px)
     X = np.nan_to_num(solve_points(P, t, used.image_idx, pointer, used.xy, used.precision))
     r = residuals(P, t, X, used.image_idx, used.track_idx, used.xy)
-    length = np.diff(pointer)[used.track_idx]
-    # in units of each observation's relative sigma
-    unit = np.sqrt(used.precision)[:, None]
-    sigma = noise_sigma(r * unit, length, len(images))
+    sigma = noise_sigma(r, used.precision, pointer, len(images))
     sample = used
     if not final:
         chosen = thin_evenly(used, EARLY_OBSERVATIONS)
@@ -293,7 +259,7 @@ def _adjust(
         points=X,
         observations=used,
         inlier=full,
-        sigma_px=noise_sigma(r * unit, length, len(images)),
+        sigma_px=noise_sigma(r, used.precision, pointer, len(images)),
         residuals=r,
         state=state,
         model=result.diagnostics["model"],

@@ -62,7 +62,9 @@ def split_tracks(
         local, kept = keep_tracks(observations, mask, min_length=min_length, image_number=number)
         if len(local) == 0:
             break
-        mask &= np.isin(observations.track_idx, kept)
+        alive = np.zeros(observations.num_tracks, dtype=bool)
+        alive[kept] = True
+        mask &= alive[observations.track_idx]
         _, inlier = triangulate_tracks(
             P,
             t,

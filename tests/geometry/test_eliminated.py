@@ -2,12 +2,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import sparse
-from scipy.linalg import LinAlgError
 
 from semsfm_colmap.geometry import reduced
 from semsfm_colmap.geometry.alignment import align_rotations
-from semsfm_colmap.geometry.eliminated import SolverOptions, evaluate, linearise, minimise
+from semsfm_colmap.geometry.band import BandMatrix
+from semsfm_colmap.geometry.eliminated import (
+    ReducedSystem,
+    SolverOptions,
+    evaluate,
+    linearise,
+    minimise,
+)
 from semsfm_colmap.geometry.losses import (
     LOSS_NUMBER,
     gaussian_constants,
@@ -23,33 +28,41 @@ from semsfm_colmap.synthetic.tracks import simulate_tracks
 from tests.oracles import geometry as oracle
 
 
-@pytest.mark.parametrize("sparse_limit", [0, 10**6])
+def solve_in_bands(monkeypatch):
+    monkeypatch.setattr(reduced, "DENSE_LIMIT", 0)
+    monkeypatch.setattr(reduced, "MAX_BAND_SHARE", 1.0)
+    monkeypatch.setattr(reduced, "MIN_BLOCK", 1)
+
+
+@pytest.mark.parametrize("banded", [False, True])
 @pytest.mark.parametrize("batch", [7, 10**6])
 @pytest.mark.parametrize("free_affine", [False, True])
 @pytest.mark.parametrize("free_scale", [False, True])
 def test_reduced_system_is_the_schur_complement_of_the_full_one(
-    free_scale, free_affine, batch, sparse_limit, monkeypatch
+    free_scale, free_affine, batch, banded, monkeypatch
 ):
     monkeypatch.setattr(reduced, "BATCH_OBSERVATIONS", batch)
-    monkeypatch.setattr(reduced, "SPARSE_LIMIT", sparse_limit)
-    monkeypatch.setattr(reduced, "MAX_SPARSE_DENSITY", 2.0)
+    if banded:
+        solve_in_bands(monkeypatch)
     rng = np.random.default_rng(0)
-    s = simulate_tracks(num_images=5, range_deg=40, num_tracks=40, rng=rng)
+    s = simulate_tracks(num_images=9, range_deg=70, num_tracks=40, track_window=3, rng=rng)
     obs = s.observations
     model = BundleModel.build(
-        5, free_scale=free_scale, free_affine=free_affine, scale_sigma=0.01, affine_sigma=0.01
+        9, free_scale=free_scale, free_affine=free_affine, scale_sigma=0.01, affine_sigma=0.01
     )
     A, _ = model.cameras(s.cameras)
     J = model.jacobian(s.cameras, s.points, obs.image_idx, obs.track_idx)
     r, w = rng.normal(size=(len(obs), 2)), rng.uniform(0.2, 1.0, len(obs))
     pointer = track_pointer(obs.track_idx, obs.num_tracks)
-    pairs = reduced.covisible_pairs(obs.image_idx, pointer, obs.num_images)
+    system = ReducedSystem.of(model, s.cameras, obs, pointer)
+    assert (system.layout.num_blocks > 1) == banded
+    pairs = system.pairs
     blocks, by_image = reduced.accumulate_blocks(
         lambda rows: J[rows], A, r, w, obs.image_idx, pointer, pairs, J.shape[2]
     )
-    H, g = reduced.assemble(blocks, by_image, pairs, model.param_idx, model.num_params)
-    assert sparse.issparse(H) == (sparse_limit == 0)
-    H = H.toarray() if sparse.issparse(H) else H
+    matrix = BandMatrix.zeros(system.layout)
+    matrix.add_blocks(blocks, pairs.first, pairs.second, model.param_idx)
+    H, g = matrix.toarray(), reduced.gradient_of(by_image, model.param_idx, model.num_params)
     H0, g0 = oracle.reduced_system(J, A, r, w, obs.image_idx, obs.track_idx, model.param_idx)
     assert np.allclose(H, H0, atol=1e-9 * np.abs(H0).max())
     assert np.allclose(g, g0, atol=1e-9 * np.abs(g0).max())
@@ -69,11 +82,13 @@ def test_the_order_of_summing_changes_nothing(batch, monkeypatch):
     state = evaluate(
         model, s.cameras, obs, pointer, 0.3, SolverOptions(loss="cauchy"), np.ones(len(obs))
     )
-    H, g = linearise(model, state, obs, pointer, 0.3)
+    system = ReducedSystem.of(model, s.cameras, obs, pointer)
+    before, g = linearise(model, state, obs, pointer, 0.3, system)
     monkeypatch.setattr(reduced, "MAX_SCATTERED_PAIRS", 0)
-    pairs = reduced.covisible_pairs(obs.image_idx, pointer, obs.num_images)
-    assert not np.array_equal(pairs.order, np.arange(obs.num_tracks))
-    along, g_along = linearise(model, state, obs, pointer, 0.3, pairs)
+    system = ReducedSystem.of(model, s.cameras, obs, pointer)
+    assert not np.array_equal(system.pairs.order, np.arange(obs.num_tracks))
+    after, g_along = linearise(model, state, obs, pointer, 0.3, system)
+    H, along = before.toarray(), after.toarray()
     assert np.allclose(along, H, atol=1e-12 * np.abs(H).max())
     assert np.allclose(g_along, g, atol=1e-12 * np.abs(g).max())
 
@@ -130,7 +145,7 @@ def test_points_fitted_in_one_pass_are_those_of_the_separate_steps(name):
 
 
 @pytest.mark.parametrize("free_affine", [False, True])
-def test_a_sparse_system_takes_the_same_steps_as_a_dense_one(free_affine, monkeypatch):
+def test_a_banded_system_takes_the_same_steps_as_a_dense_one(free_affine, monkeypatch):
     s = simulate_tracks(
         num_images=30, range_deg=90, num_tracks=300, track_window=5, rng=np.random.default_rng(4)
     )
@@ -140,8 +155,7 @@ def test_a_sparse_system_takes_the_same_steps_as_a_dense_one(free_affine, monkey
     start = model.retract(s.cameras, 0.003 * np.random.default_rng(5).normal(size=model.num_params))
     options = SolverOptions(cost_tolerance=1e-12)
     dense = minimise(model, start, s.observations, sigma_px=0.3, options=options)
-    monkeypatch.setattr(reduced, "SPARSE_LIMIT", 0)
-    monkeypatch.setattr(reduced, "MAX_SPARSE_DENSITY", 2.0)
+    solve_in_bands(monkeypatch)
     thin = minimise(model, start, s.observations, sigma_px=0.3, options=options)
     assert np.isclose(thin.cost, dense.cost, rtol=1e-9)
     steps = min(len(thin.costs), len(dense.costs))
@@ -178,32 +192,3 @@ def test_the_constants_of_a_loss_are_those_of_simulated_noise(name):
     assert np.isclose(constants.gain, a / b, rtol=5e-3)
     assert np.isclose(constants.efficiency, a * a / b, rtol=5e-3)
     assert 0.85 < constants.efficiency < 1.0
-
-
-def test_a_singular_system_is_refused_in_either_form():
-    H = np.diag([1.0, 0.0, 2.0])
-    for form in (H, sparse.csc_array(H)):
-        with pytest.raises(LinAlgError):
-            reduced.solve_damped(form, np.zeros(3), np.ones(3))
-
-
-@pytest.mark.parametrize("full_columns", [0, 2])
-def test_a_system_solved_in_its_band_is_that_of_the_dense_one(full_columns):
-    rng = np.random.default_rng(0)
-    n = 700
-    A = sparse.lil_array((n, n))
-    for k in range(5):
-        # a closed turn: the last unknowns meet the first
-        i = np.arange(n)
-        A[i, (i + k) % n] = A[(i + k) % n, i] = 0.1 * rng.normal(size=n)
-    for k in range(full_columns):
-        A[:, [k]] = 0.01 * rng.normal(size=(n, 1))
-        A[[k], :] = A[:, [k]].T
-    order = rng.permutation(n)
-    A = sparse.csc_array(A)[order][:, order]
-    A = sparse.csc_array(A + A.T)
-    g, damping = rng.normal(size=n), np.full(n, 3.0)
-    x = reduced.solve_damped(A, damping, g)
-    assert np.allclose(x, reduced.solve_damped(A.toarray(), damping, g), atol=1e-12)
-    with pytest.raises(LinAlgError):
-        reduced.solve_damped(A, -damping, g)

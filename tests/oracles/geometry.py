@@ -58,3 +58,30 @@ def numeric_jacobian(f: object, x: Float, step: float = 1e-6) -> Float:
         d[k] = step
         columns.append((f(x + d) - f(x - d)) / (2 * step))  # type: ignore[operator]
     return np.stack(columns, axis=-1)
+
+
+def covariance(model, state, observations, sigma_px):  # type: ignore[no-untyped-def]
+    """Covariance of the cameras (n, n) and points (N, 3, 3) from the whole information matrix.
+
+    The pseudo-inverse over the six directions in which the world turns and shifts.
+    """
+    obs = observations
+    n, N = model.num_params, obs.num_tracks
+    A, _ = model.cameras(state.params)
+    J = np.zeros((2 * len(obs), n + 1 + 3 * N))
+    local = model.jacobian(state.params, state.X, obs.image_idx, obs.track_idx)
+    for o in range(len(obs)):
+        i, j = obs.image_idx[o], obs.track_idx[o]
+        J[2 * o : 2 * o + 2, model.param_idx[i]] += local[o]
+        J[2 * o : 2 * o + 2, n + 1 + 3 * j : n + 4 + 3 * j] = A[i]
+    J = np.delete(J, n, axis=1) / sigma_px
+    prior = model.prior(state.params)[1].toarray()
+    F = J.T @ J
+    F[:n, :n] += prior.T @ prior
+    E = F[:n, n:].reshape(n, N, 3)
+    inverse = np.stack([np.linalg.inv(F[k : k + 3, k : k + 3]) for k in range(n, n + 3 * N, 3)])
+    S = F[:n, :n] - np.einsum("njx,jxy,mjy->nm", E, inverse, E)
+    values, vectors = np.linalg.eigh(S)
+    C = (vectors[:, 6:] / values[6:]) @ vectors[:, 6:].T
+    spread = np.einsum("njx,nm,mjy->jxy", E, C, E, optimize=True)
+    return C, inverse + inverse @ spread @ inverse
