@@ -1009,7 +1009,7 @@ def run_scale(frames: int, tracks: int) -> None:
 
 
 def table_scale(data: Path, quick: bool) -> str:
-    sizes = [(100, 100_000), (300, 300_000), (1000, 1_000_000)]
+    sizes = [(n, 1000 * n) for n in (100, 300, 600, 1000)]
     rows = []
     for frames, tracks in sizes[:1] if quick else sizes:
         done = subprocess.run(

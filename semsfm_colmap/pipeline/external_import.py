@@ -23,7 +23,7 @@ from semsfm_colmap.config import Config, options_key
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.pipeline.external import PAIRS_IN_MEMORY, size_on_disk, verify_database
 from semsfm_colmap.pipeline.project import Project, locked
-from semsfm_colmap.pipeline.reconstruct import STAGE_NAMES, run_stages
+from semsfm_colmap.pipeline.reconstruct import STAGE_NAMES, product_key, run_stages
 from semsfm_colmap.pipeline.record import RunRecord, hash_file, hash_text, peak_memory_mb
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.stages import read_project_series
@@ -104,7 +104,7 @@ def import_database(
     from semsfm_colmap.colmap.database_scratch import remove_database
 
     record = RunRecord.read(project.record)
-    ingested = str(record.stages.get("ingest", {}).get("key", ""))
+    ingested = product_key(record, "ingest", "")
     key = hash_text("import", ingested, database_key)
     match_key = hash_text(key, str(config.seed), options_key(config.matching))
     done = record.is_done("extract", key) and record.is_done("match", match_key)

@@ -106,6 +106,24 @@ def input_hashes(image_path: Path, known: dict[str, str]) -> dict[str, str]:
     return hashes
 
 
+def hash_pixels(project: Project) -> str:
+    """A key of what features and matches depend on: the images in their order, and the masks."""
+    names = stages.read_project_series(project).names
+    files = [project.images / name for name in names]
+    if project.masks.is_dir():
+        files += sorted(path for path in project.masks.rglob("*") if path.is_file())
+    return hash_text(*(f"{path.name} {hash_file(path)}" for path in files))
+
+
+def product_key(record: RunRecord, name: str, key: str) -> str:
+    """What later stages see of a stage that stands: the pixels of ingest, the key of any other.
+
+    A run with another tilt or pixel size keeps its features and matches.
+    """
+    stage = record.stages.get(name, {})
+    return str(stage.get("pixels") or stage.get("key", key))
+
+
 def run_stages(
     project_path: Path,
     config: Config,
@@ -170,6 +188,9 @@ def _run(
         *(f"{name} {value.rsplit(':', 1)[-1]}" for name, value in sorted(record.inputs.items())),
     )
     for stage in STAGES:
+        if stage.name == "map" and project.series.is_file():
+            # the first to ask for more of the series than its pixels: size, tilts, warnings
+            key = hash_text(key, hash_file(project.series))
         text = [options_key(getattr(config, section)) for section in stage.sections]
         # the seed and nothing else of the top level changes a result
         key = hash_text(key, stage.name, str(config.seed), *text)
@@ -182,11 +203,12 @@ def _run(
                     f"{outputs[0]} is missing: run `semsfm {stage.name}` on the project first"
                 )
             # a stage that is not run counts as it stands
-            key = record.stages.get(stage.name, {}).get("key", key)
+            key = product_key(record, stage.name, key)
             continue
         done = record.is_done(stage.name, key) and all(path.exists() for path in outputs)
         if done and not force:
             reporter.say(f"{stage.name}: up to date")
+            key = product_key(record, stage.name, key)
             continue
         begin = time.monotonic()
         started = record.stages.get(stage.name, {})
@@ -220,7 +242,9 @@ def _run(
             "summary": summary,
         }
         if stage.name == "ingest":
+            record.stages[stage.name]["pixels"] = hash_pixels(project)
             reporter.log_to(project.log)
+        key = product_key(record, stage.name, key)
         record.write()
         write_config(config, project.config)
 

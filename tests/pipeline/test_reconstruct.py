@@ -101,6 +101,31 @@ def test_a_changed_option_reruns_its_stage_and_those_after_it(project, small_ser
     assert read_config(project / "semsfm.toml") == config
 
 
+@pytest.mark.parametrize("name", ["pixel_size_um", "series_csv"])
+def test_features_and_matches_outlive_a_change_of_what_is_known_of_the_series(
+    project, small_series, tmp_path, monkeypatch, name
+):
+    table = tmp_path / "series.csv"
+    names = sorted(path.name for path in (small_series / "images").iterdir())
+    table.write_text("image,tilt_deg\n" + "".join(f"{n},{3 * k}\n" for k, n in enumerate(names)))
+    spy = Spy(monkeypatch)
+    config = Config()
+    value = {"pixel_size_um": 0.5, "series_csv": table}[name]
+    config = replace(config, ingest=replace(config.ingest, **{name: value}))
+    reconstruct(small_series / "images", project, config)
+    assert spy.ran == ["ingest", "map_", "report"]
+    if name == "pixel_size_um":
+        assert read_model(project / "sparse" / "0").pixel_size_um == pytest.approx(0.5)
+
+
+def test_other_pixels_ask_for_features_anew(project, small_series, monkeypatch):
+    spy = Spy(monkeypatch)
+    config = Config()
+    config = replace(config, ingest=replace(config.ingest, denoise="median"))
+    reconstruct(small_series / "images", project, config)
+    assert spy.ran == ["ingest", "extract", "match", "map_", "report"]
+
+
 def test_same_seed_same_model_to_the_bit(project, small_series, tmp_path):
     reconstruct(small_series / "images", tmp_path / "again", Config())
     for name in ("points3D.bin", "images.bin", "orthographic.json"):
