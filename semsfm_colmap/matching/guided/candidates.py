@@ -69,7 +69,7 @@ def add_candidates(
         taken = np.concatenate(
             [observations.xy[rows], cameras.project(brought, np.full(len(brought), i))]
         )
-        xy = _apart(read_keypoints(i), taken)
+        xy = apart(read_keypoints(i), taken)
         X, normal, spread = interpolated(
             cameras, i, xy, observations.xy[rows], seeds.points[near], seeds.normals[near]
         )
@@ -92,8 +92,8 @@ def add_candidates(
     )
 
 
-def _apart(xy: Float, taken: Float) -> Float:
-    """The places that are not near a taken one, nor near an earlier one of their own."""
+def apart(xy: Float, taken: Float) -> Float:
+    """The places that are not near a taken one, nor near an earlier one that stays."""
     from scipy.spatial import cKDTree
 
     xy = xy[np.isfinite(xy).all(axis=1)]
@@ -102,8 +102,10 @@ def _apart(xy: Float, taken: Float) -> Float:
     if not len(xy):
         return xy
     keep = np.ones(len(xy), dtype=bool)
-    for a, b in cKDTree(xy).query_pairs(MIN_DISTANCE_PX, output_type="ndarray"):
-        keep[max(a, b)] &= not keep[min(a, b)]
+    pairs = np.sort(cKDTree(xy).query_pairs(MIN_DISTANCE_PX, output_type="ndarray"), axis=1)
+    # when a place is asked about, all that is said of the earlier one has been said
+    for earlier, later in pairs[np.argsort(pairs[:, 1], kind="stable")]:
+        keep[later] &= not keep[earlier]
     return xy[keep]
 
 

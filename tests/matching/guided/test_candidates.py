@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from semsfm_colmap.matching.guided.candidates import add_candidates, interpolated
+from semsfm_colmap.matching.guided.candidates import (
+    MIN_DISTANCE_PX,
+    add_candidates,
+    apart,
+    interpolated,
+)
 from semsfm_colmap.matching.guided.grow import grow_tracks
 from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.matching.guided.predict import References, Seeds
@@ -98,6 +103,20 @@ def test_a_keypoint_becomes_a_candidate_once_and_not_where_a_point_is_known(plan
     np.testing.assert_allclose(more.points[:-1], seeds.points)
     assert more.references.image_idx[-1] == 0
     np.testing.assert_allclose(more.references.xy[-1], seen[0][0])
+
+
+def test_places_that_stay_are_those_of_asking_one_after_the_other():
+    rng = np.random.default_rng(4)
+    xy, taken = rng.uniform(0, 60, (300, 2)), rng.uniform(0, 60, (20, 2))
+    kept = []
+    for place in xy:
+        near = np.concatenate([taken, np.reshape(kept, (-1, 2))])
+        if np.min(np.linalg.norm(near - place, axis=1)) > MIN_DISTANCE_PX:
+            kept.append(place)
+    np.testing.assert_array_equal(apart(xy, taken), kept)
+    # a row of three, each too near to the next: the last stays
+    row = np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 0.0]])
+    np.testing.assert_array_equal(apart(row, np.zeros((0, 2))), row[[0, 2]])
 
 
 def test_a_depth_too_uncertain_for_the_two_nearest_views_is_left_out(plane):
