@@ -22,7 +22,7 @@ from semsfm_colmap.refinement.refine import Refined, refine
 from semsfm_colmap.types import Array, Bool, Float, Int, Observations
 
 if TYPE_CHECKING:
-    from semsfm_colmap.pipeline.mapping import MappedPart
+    from semsfm_colmap.pipeline.finish import MappedPart
 
 IMAGES_IN_MEMORY = 64
 SETTLED_GROWTH = 1.2

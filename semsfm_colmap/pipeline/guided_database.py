@@ -15,7 +15,7 @@ from semsfm_colmap.types import Float
 
 if TYPE_CHECKING:
     from semsfm_colmap.colmap.database import DatabaseImage
-    from semsfm_colmap.pipeline.mapping import MappedPart
+    from semsfm_colmap.pipeline.finish import MappedPart
 
 
 def write_guided(

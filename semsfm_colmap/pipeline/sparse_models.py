@@ -17,8 +17,8 @@ from semsfm_colmap.types import Float, Int, Observations, SemSeries
 
 if TYPE_CHECKING:
     from semsfm_colmap.colmap.database import DatabaseImage
+    from semsfm_colmap.pipeline.finish import MappedPart
     from semsfm_colmap.pipeline.guided import Guide
-    from semsfm_colmap.pipeline.mapping import MappedPart
 
 Summary = dict[str, Any]
 TWIN_NOTE = "{}/1 holds the depth-reversed twin of {}/0"

@@ -9,7 +9,6 @@ minimises squares as well, so that both have the same optimum.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -27,7 +26,7 @@ from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
 from semsfm_colmap.refinement.known_angles import AnglePrior
 from semsfm_colmap.refinement.noise import noise_sigma
 from semsfm_colmap.refinement.options import RefinementOptions
-from semsfm_colmap.refinement.resection import resect
+from semsfm_colmap.refinement.resection import register_more
 from semsfm_colmap.types import (
     Bool,
     Float,
@@ -266,54 +265,6 @@ def _adjust(
     )
 
 
-def register_more(
-    fit: _Fit,
-    observations: Observations,
-    threshold_px: float,
-    options: RefinementOptions,
-    rng: np.random.Generator,
-) -> tuple[Int, OrthographicCameras]:
-    """Try to add images that are not in the model by resection on its points."""
-    images, cameras = fit.images, fit.cameras
-    position = np.full(observations.num_tracks, -1, dtype=np.int64)
-    position[fit.tracks] = np.arange(len(fit.tracks))
-    order = list(images)
-    parts = [cameras]
-    for i in np.setdiff1d(np.unique(observations.image_idx), images):
-        mine = (observations.image_idx == i) & (position[observations.track_idx] >= 0)
-        points = fit.points[position[observations.track_idx[mine]]]
-        found = resect(
-            points,
-            observations.xy[mine],
-            threshold_px=threshold_px,
-            min_inliers=max(
-                options.min_image_observations,
-                math.ceil(options.min_image_inlier_share * len(points)),
-            ),
-            rng=rng,
-        )
-        if found.value is None:
-            continue
-        order.append(i)
-        parts.append(
-            OrthographicCameras(
-                cam_from_world=found.value.cam_from_world[None],
-                scale_px_per_unit=np.array([found.value.scale_px_per_unit]),
-                translation_px=found.value.translation_px[None],
-                aspect=cameras.aspect,
-                skew=cameras.skew,
-            )
-        )
-    merged = replace(
-        cameras,
-        cam_from_world=np.concatenate([p.cam_from_world for p in parts]),
-        scale_px_per_unit=np.concatenate([p.scale_px_per_unit for p in parts]),
-        translation_px=np.concatenate([p.translation_px for p in parts]),
-    )
-    sequence = np.argsort(order)
-    return np.array(order, dtype=np.int64)[sequence], merged.select(sequence)
-
-
 def refine(
     cameras: OrthographicCameras,
     images: Int,
@@ -353,7 +304,9 @@ def refine(
             # a norm of two coordinates: sqrt(2) sigma is one standard deviation
             floor = options.min_threshold_sigmas * np.sqrt(2.0) * fit.sigma_px
             wanted = floor if last else max(threshold, floor)
-            images, cameras = register_more(fit, observations, wanted, options, rng)
+            images, cameras = register_more(
+                fit.images, fit.cameras, fit.tracks, fit.points, observations, wanted, options, rng
+            )
         # the estimate of sigma wavers a little; a round is never more lenient than the one before
         allowed = min(wanted, rounds[-1].threshold_px if rounds else np.inf)
         fit = _adjust(cameras, images, observations, allowed, options, solver, seed, final=last)

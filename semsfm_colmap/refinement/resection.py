@@ -7,12 +7,14 @@ supporters.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import nearest_rotation
-from semsfm_colmap.types import Bool, Float, Solution
+from semsfm_colmap.refinement.options import RefinementOptions
+from semsfm_colmap.types import Bool, Float, Int, Observations, OrthographicCameras, Solution
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,3 +81,59 @@ def resect(
             cam_from_world=R, scale_px_per_unit=scale, translation_px=translation, inlier=inlier
         )
     )
+
+
+def register_more(
+    images: Int,
+    cameras: OrthographicCameras,
+    tracks: Int,
+    points: Float,
+    observations: Observations,
+    threshold_px: float,
+    options: RefinementOptions,
+    rng: np.random.Generator,
+) -> tuple[Int, OrthographicCameras]:
+    """A model's images (M,) and cameras, and those that resection on its points adds.
+
+    Parameters
+    ----------
+    tracks, points : (N,) numbers in `observations`, (N, 3)
+
+    """
+    position = np.full(observations.num_tracks, -1, dtype=np.int64)
+    position[tracks] = np.arange(len(tracks))
+    order = list(images)
+    parts = [cameras]
+    for i in np.setdiff1d(np.unique(observations.image_idx), images):
+        mine = (observations.image_idx == i) & (position[observations.track_idx] >= 0)
+        seen = points[position[observations.track_idx[mine]]]
+        found = resect(
+            seen,
+            observations.xy[mine],
+            threshold_px=threshold_px,
+            min_inliers=max(
+                options.min_image_observations,
+                math.ceil(options.min_image_inlier_share * len(seen)),
+            ),
+            rng=rng,
+        )
+        if found.value is None:
+            continue
+        order.append(i)
+        parts.append(
+            OrthographicCameras(
+                cam_from_world=found.value.cam_from_world[None],
+                scale_px_per_unit=np.array([found.value.scale_px_per_unit]),
+                translation_px=found.value.translation_px[None],
+                aspect=cameras.aspect,
+                skew=cameras.skew,
+            )
+        )
+    merged = replace(
+        cameras,
+        cam_from_world=np.concatenate([p.cam_from_world for p in parts]),
+        scale_px_per_unit=np.concatenate([p.scale_px_per_unit for p in parts]),
+        translation_px=np.concatenate([p.translation_px for p in parts]),
+    )
+    sequence = np.argsort(order)
+    return np.array(order, dtype=np.int64)[sequence], merged.select(sequence)
