@@ -124,6 +124,20 @@ def product_key(record: RunRecord, name: str, key: str) -> str:
     return str(stage.get("pixels") or stage.get("key", key))
 
 
+def standing_key(record: RunRecord, name: str, expected: str) -> str:
+    """What later stages see of a stage that is not run now: it counts as it stands.
+
+    Where that is of other options or inputs than it would be now, or nothing at all, they see that:
+    a report is of the model and of the mesh, whichever came last.
+    """
+    stage = record.stages.get(name, {})
+    if stage.get("status") != "done":
+        return hash_text(expected, "nothing")
+    if "pixels" in stage or stage["key"] == expected:
+        return product_key(record, name, expected)
+    return hash_text(expected, str(stage["key"]))
+
+
 def run_stages(
     project_path: Path,
     config: Config,
@@ -202,8 +216,7 @@ def _run(
                 raise InputError(
                     f"{outputs[0]} is missing: run `semsfm {stage.name}` on the project first"
                 )
-            # a stage that is not run counts as it stands
-            key = product_key(record, stage.name, key)
+            key = standing_key(record, stage.name, key)
             continue
         done = record.is_done(stage.name, key) and all(path.exists() for path in outputs)
         if done and not force:

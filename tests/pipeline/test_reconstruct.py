@@ -36,10 +36,11 @@ FILES = (
 
 
 class Spy:
-    """Counts which stages really ran."""
+    """Counts which stages really ran; those to `pretend` leave everything as it is."""
 
-    def __init__(self, monkeypatch):
+    def __init__(self, monkeypatch, pretend=()):
         self.ran = []
+        self.pretend = pretend
         for name in ("ingest", "extract", "match", "map_", "report"):
             original = getattr(stages, name)
             monkeypatch.setattr(stages, name, self.wrap(name, original))
@@ -47,7 +48,7 @@ class Spy:
     def wrap(self, name, original):
         def wrapped(*args, **kwargs):
             self.ran.append(name)
-            return original(*args, **kwargs)
+            return {} if name in self.pretend else original(*args, **kwargs)
 
         return wrapped
 
@@ -101,29 +102,49 @@ def test_a_changed_option_reruns_its_stage_and_those_after_it(project, small_ser
     assert read_config(project / "semsfm.toml") == config
 
 
-@pytest.mark.parametrize("name", ["pixel_size_um", "series_csv"])
-def test_features_and_matches_outlive_a_change_of_what_is_known_of_the_series(
-    project, small_series, tmp_path, monkeypatch, name
+@pytest.mark.parametrize(
+    ("name", "anew"),
+    [
+        ("pixel_size_um", ["ingest", "map_", "report"]),
+        ("series_csv", ["ingest", "map_", "report"]),
+        ("denoise", ["ingest", "extract", "match", "map_", "report"]),
+    ],
+)
+def test_only_other_pixels_ask_for_features_anew(
+    project, small_series, tmp_path, monkeypatch, name, anew
 ):
     table = tmp_path / "series.csv"
     names = sorted(path.name for path in (small_series / "images").iterdir())
     table.write_text("image,tilt_deg\n" + "".join(f"{n},{3 * k}\n" for k, n in enumerate(names)))
-    spy = Spy(monkeypatch)
+    spy = Spy(monkeypatch, pretend=("extract", "match", "map_", "report"))
     config = Config()
-    value = {"pixel_size_um": 0.5, "series_csv": table}[name]
+    value = {"pixel_size_um": 0.5, "series_csv": table, "denoise": "median"}[name]
     config = replace(config, ingest=replace(config.ingest, **{name: value}))
-    reconstruct(small_series / "images", project, config)
-    assert spy.ran == ["ingest", "map_", "report"]
-    if name == "pixel_size_um":
-        assert read_model(project / "sparse" / "0").pixel_size_um == pytest.approx(0.5)
+    run = ("ingest", "extract", "match", "map", "report")
+    for again in (anew, []):
+        spy.ran.clear()
+        run_stages(project, config, names=run, image_path=small_series / "images")
+        assert spy.ran == again
 
 
-def test_other_pixels_ask_for_features_anew(project, small_series, monkeypatch):
-    spy = Spy(monkeypatch)
-    config = Config()
-    config = replace(config, ingest=replace(config.ingest, denoise="median"))
-    reconstruct(small_series / "images", project, config)
-    assert spy.ran == ["ingest", "extract", "match", "map_", "report"]
+def test_a_report_is_out_of_date_when_the_model_or_the_mesh_is_another(
+    project, small_series, monkeypatch
+):
+    spy = Spy(monkeypatch, pretend=("map_", "report"))
+    run_stages(project, Config(), names=("report",))
+    assert spy.ran == []
+    config = replace(Config(), refinement=replace(Config().refinement, scale_sigma=0.002))
+    run_stages(project, config, names=("map",))
+    run_stages(project, config, names=("report",))
+    assert spy.ran == ["map_", "report"]
+    # the mesh is still that of the other model, and nothing else has changed
+    run_stages(project, config, names=("report",))
+    assert spy.ran == ["map_", "report"]
+    record = json.loads((project / "run.json").read_text())
+    del record["stages"]["mesh"]
+    (project / "run.json").write_text(json.dumps(record))
+    run_stages(project, config, names=("report",))
+    assert spy.ran == ["map_", "report", "report"]
 
 
 def test_same_seed_same_model_to_the_bit(project, small_series, tmp_path):
