@@ -14,6 +14,7 @@ together. The translations then follow from the block means by one linear system
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,22 +51,56 @@ class BlockBasis:
     mean: Float
 
 
+@numba.njit(cache=True)
+def _leading_basis(M):  # type: ignore[no-untyped-def]
+    rows, n = M.shape
+    mean = np.empty(rows)
+    centred = np.empty((rows, n))
+    for d in range(rows):
+        mean[d] = np.sum(M[d]) / n
+        for j in range(n):
+            centred[d, j] = M[d, j] - mean[d]
+    values, vectors = np.linalg.eigh(centred @ centred.T)
+    U = np.empty((rows, rows))
+    s = np.empty(rows)
+    for k in range(rows):
+        s[k] = np.sqrt(max(values[rows - 1 - k], 0.0))
+        U[:, k] = vectors[:, rows - 1 - k]
+    return mean, U, s
+
+
 def leading_basis(M: Float) -> tuple[Float, Float, Float]:
     """Row mean (2 m,), left singular vectors and singular values of the centred M (2 m, n).
 
     From the eigenvectors of the small matrix ``M M^T``; only their leading three matter.
     """
-    mean = M.mean(axis=1)
-    centred = M - mean[:, None]
-    values, vectors = np.linalg.eigh(centred @ centred.T)
-    return mean, vectors[:, ::-1], np.sqrt(np.maximum(values[::-1], 0.0))
+    mean, U, s = _leading_basis(np.ascontiguousarray(M))
+    return mean, U, s
+
+
+@numba.njit(cache=True)
+def _subspace_error(M, mean, U):  # type: ignore[no-untyped-def]
+    rows, n = M.shape
+    error = np.empty(n)
+    D = np.empty(rows)
+    for j in range(n):
+        total = 0.0
+        for d in range(rows):
+            D[d] = M[d, j] - mean[d]
+            total += D[d] * D[d]
+        for k in range(U.shape[1]):
+            along = 0.0
+            for d in range(rows):
+                along += U[d, k] * D[d]
+            total -= along * along
+        error[j] = total
+    return error
 
 
 def subspace_error(M: Float, mean: Float, U: Float) -> Float:
     """Squared distance of each column of M to the affine subspace ``mean + span(U)``: (n,)."""
-    D = M - mean[:, None]
-    projected = U.T @ D
-    return np.asarray(np.sum(D * D, axis=0) - np.sum(projected * projected, axis=0))
+    error = _subspace_error(np.ascontiguousarray(M), mean, np.ascontiguousarray(U))
+    return np.asarray(error)
 
 
 @numba.njit(cache=True)
@@ -158,10 +193,10 @@ def block_basis(
     if robust:
         mean, U, _ = leading_basis(M)
         inlier = subspace_error(M, mean, U[:, :3]) < limit
-        if np.mean(inlier) < MOST:
+        if np.count_nonzero(inlier) < MOST * n:
             inlier = ransac_support(M, limit, options.block_ransac_trials, rng)
     for _ in range(2):
-        if np.sum(inlier) < max(options.min_block_tracks, 4):
+        if np.count_nonzero(inlier) < max(options.min_block_tracks, 4):
             return None
         mean, U, s = leading_basis(M[:, inlier])
         if robust:
@@ -170,33 +205,48 @@ def block_basis(
         return None
     weight = 1.0
     if options.block_weights == "signal_to_noise":
-        rest = s[3 : min(rows, int(np.sum(inlier)))]
+        rest = s[3 : min(rows, np.count_nonzero(inlier))]
         noise = float(np.mean(rest**2)) if len(rest) else 0.0
         # per track, so that the noise floor is a variance in px^2; 1e-4 px is below any detector
-        noise = max(noise, 1e-8 * float(np.sum(inlier)))
+        noise = max(noise, 1e-8 * np.count_nonzero(inlier))
         weight = float(s[2] ** 2 / noise)
     return BlockBasis(
         images=block.images,
         U=U[:, :3],
         weight=weight,
-        num_tracks=int(np.sum(inlier)),
+        num_tracks=int(np.count_nonzero(inlier)),
         mean=mean,
     )
 
 
+def of_equal_size(bases: list[BlockBasis]) -> Iterator[tuple[Int, list[BlockBasis]]]:
+    """Blocks with equally many images together: their rows (K, 2 m) of the cameras, and they."""
+    size = np.array([len(basis.images) for basis in bases])
+    for m in np.unique(size):
+        some = [bases[k] for k in np.flatnonzero(size == m)]
+        images = np.stack([basis.images for basis in some])
+        yield (2 * images[:, :, None] + np.arange(2)).reshape(len(some), -1), some
+
+
+def sum_of_blocks(rows: list[Int], blocks: list[Float], n: int) -> sparse.csc_array:
+    """``sum_k S_k^T B_k S_k`` of stacks of blocks B (K, r, r) with rows (K, r) among n."""
+    i = [np.broadcast_to(r[:, :, None], B.shape).ravel() for r, B in zip(rows, blocks, strict=True)]
+    j = [np.broadcast_to(r[:, None, :], B.shape).ravel() for r, B in zip(rows, blocks, strict=True)]
+    values = np.concatenate([B.ravel() for B in blocks])
+    places = (np.concatenate(i), np.concatenate(j))
+    return sparse.coo_array((values, places), shape=(n, n)).tocsc()
+
+
 def constraint_matrix(bases: list[BlockBasis], num_images: int) -> sparse.csc_array:
     """``sum_k w_k S_k^T (I - U_k U_k^T) S_k``, (2 M, 2 M), scaled to unit mean diagonal."""
-    rows, cols, values = [], [], []
-    for basis in bases:
-        idx = (2 * basis.images[:, None] + np.arange(2)).ravel()
-        block = basis.weight * (np.eye(len(idx)) - basis.U @ basis.U.T)
-        rows.append(np.repeat(idx, len(idx)))
-        cols.append(np.tile(idx, len(idx)))
-        values.append(block.ravel())
+    rows, blocks = [], []
+    for idx, some in of_equal_size(bases):
+        U = np.stack([basis.U for basis in some])
+        weight = np.array([basis.weight for basis in some])
+        rows.append(idx)
+        blocks.append(weight[:, None, None] * (np.eye(idx.shape[1]) - U @ U.mT))
     n = 2 * num_images
-    C = sparse.coo_array(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))), shape=(n, n)
-    ).tocsc()
+    C = sum_of_blocks(rows, blocks, n)
     return C / (C.diagonal().sum() / n)
 
 
@@ -263,19 +313,17 @@ def joint_translation(bases: list[BlockBasis], A: Float) -> Float:
     A common shift of all points, ``t = A c``, is free; a tiny ridge picks one.
     """
     n = 2 * len(A)
-    rows, cols, values = [], [], []
+    rows, blocks = [], []
     rhs = np.zeros(n)
-    for basis in bases:
-        idx = (2 * basis.images[:, None] + np.arange(2)).ravel()
-        Q, _ = np.linalg.qr(A[basis.images].reshape(-1, 3))
-        block = basis.num_tracks * (np.eye(len(idx)) - Q @ Q.T)
-        rows.append(np.repeat(idx, len(idx)))
-        cols.append(np.tile(idx, len(idx)))
-        values.append(block.ravel())
-        rhs[idx] += block @ basis.mean
-    normal = sparse.coo_array(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))), shape=(n, n)
-    ).tocsc()
+    for idx, some in of_equal_size(bases):
+        Q, _ = np.linalg.qr(A.reshape(n, 3)[idx])
+        num_tracks = np.array([basis.num_tracks for basis in some])
+        block = num_tracks[:, None, None] * (np.eye(idx.shape[1]) - Q @ Q.mT)
+        rows.append(idx)
+        blocks.append(block)
+        mean = np.stack([basis.mean for basis in some])
+        np.add.at(rhs, idx, np.einsum("kij,kj->ki", block, mean))
+    normal = sum_of_blocks(rows, blocks, n)
     ridge = 1e-12 * float(normal.diagonal().max())
     normal = normal + ridge * sparse.eye_array(n, format="csc")
     return np.asarray(splu(sparse.csc_array(normal)).solve(rhs)).reshape(-1, 2)
