@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 
+BROKEN_PIPE = 141
+"""Exit code of a program that SIGPIPE ends, as shells give it."""
 COMMANDS = {
     "reconstruct": "images to COLMAP project, mesh and report: everything below in one go",
     "extract": "read and prepare the images, find keypoints",
@@ -46,6 +49,19 @@ def usage() -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand; returns 0 done, 1 the data do not allow it, 2 usage."""
     args = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        try:
+            return run(args)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # who read our output has gone, as `head` does; what is still held back goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+
+
+def run(args: list[str]) -> int:
+    """Find the subcommand and turn what goes wrong into a sentence and an exit code."""
     if not args or args[0] in ("-h", "--help", "help"):
         print(usage())
         return 0 if args else 2
@@ -78,6 +94,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 130
+    except BrokenPipeError:
+        raise
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         print(f"semsfm {args[0]}: {place}{error.strerror or error}", file=sys.stderr)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from semsfm_colmap.cli.main import COMMANDS, main
+from semsfm_colmap.cli.main import BROKEN_PIPE, COMMANDS, main
 
 
 def run(*arguments, **options):
@@ -31,6 +31,16 @@ def test_help_names_every_command_and_loads_nothing_heavy():
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip().endswith("[]")
+
+
+@pytest.mark.parametrize("arguments", [["match", "--help"], ["--help"]])
+def test_a_reader_that_has_gone_ends_the_output_without_a_word(arguments):
+    command = [sys.executable, "-m", "semsfm_colmap.cli.main", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        said = process.stderr.read()
+    assert said == b""
+    assert process.returncode == BROKEN_PIPE
 
 
 @pytest.mark.parametrize("command", sorted(COMMANDS))
