@@ -248,7 +248,7 @@ class BandMatrix:
         factors: list[Float] = []
         links: list[Float] = []
         for k in range(K):
-            # rows of the last blocks that would lie below the matrix
+            # the last blocks have fewer next ones
             m = min(layout.num_next, K - 1 - k)
             R, info = lapack.dpotrf(rest[k, :b].T, lower=0, clean=0)
             if info != 0:
