@@ -40,9 +40,9 @@ def extraction_options(options: SiftOptions, num_threads: int) -> object:
         "edge_threshold",
         "estimate_affine_shape",
         "domain_size_pooling",
-        "upright",
     ):
         setattr(extraction.sift, name, getattr(options, name))
+    extraction.sift.upright = bool(options.upright)
     return extraction
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from semsfm_colmap.colmap.options import SiftOptions
 from semsfm_colmap.features.frames import PIXEL_CENTRE
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.features.regions import Regions, regions_from_frames
@@ -31,6 +32,7 @@ def colmap_features(
     sizes_px: Sequence[tuple[int, int]],
     options: DetectorOptions,
     *,
+    first_octave: int = SiftOptions.first_octave,
     mask_path: Path | None = None,
     num_threads: int = -1,
 ) -> list[Features]:
@@ -43,7 +45,6 @@ def colmap_features(
 
     """
     from semsfm_colmap.colmap.database import read_descriptors, read_images, read_keypoint_rows
-    from semsfm_colmap.colmap.options import SiftOptions
     from semsfm_colmap.colmap.sift import extract_sift
 
     with tempfile.TemporaryDirectory(prefix="semsfm-") as folder:
@@ -55,6 +56,7 @@ def colmap_features(
             sizes_px,
             SiftOptions(
                 max_num_features=options.max_num_features or NO_LIMIT,
+                first_octave=first_octave,
                 upright=options.upright,
                 **VARIANTS[detector],
             ),

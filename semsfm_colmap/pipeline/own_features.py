@@ -48,7 +48,7 @@ def fits_colmap(options: FeatureOptions) -> bool:
 
 def detector_options(options: FeatureOptions) -> DetectorOptions:
     """What all detectors have in common."""
-    return DetectorOptions(max_num_features=options.max_num_features, upright=options.upright)
+    return DetectorOptions(max_num_features=options.max_num_features, upright=bool(options.upright))
 
 
 def extract_own(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,24 +57,27 @@ def extract(project: Project, config: Config, reporter: Reporter, *, fresh: bool
     """images/ -> keypoints and descriptors in database.db; resumes image by image."""
     from semsfm_colmap.colmap.database import read_images, read_keypoints
     from semsfm_colmap.colmap.sift import extract_sift
+    from semsfm_colmap.pipeline.orientation import try_orientations
     from semsfm_colmap.pipeline.own_features import extract_own, is_own
 
     series = read_project_series(project)
+    options, trial = config.features, None
+    if options.upright is None and len(series.names) > 2:
+        trial = try_orientations(project, series, num_threads=threads(config), seed=config.seed)
+        options = replace(options, upright=trial.upright)
     if fresh:
         for suffix in ("", "-wal", "-shm"):
             project.database.with_name(project.database.name + suffix).unlink(missing_ok=True)
     with reporter.progress("features") as progress:
-        if is_own(config.features):
-            extract_own(
-                project, series, config.features, num_threads=threads(config), progress=progress
-            )
+        if is_own(options):
+            extract_own(project, series, options, num_threads=threads(config), progress=progress)
         else:
             extract_sift(
                 project.database,
                 project.images,
                 series.names,
                 [(frame.width_px, frame.height_px) for frame in series.frames],
-                config.features,
+                options,
                 mask_path=project.masks_or_none,
                 num_threads=threads(config),
                 progress=progress,
@@ -81,8 +85,15 @@ def extract(project: Project, config: Config, reporter: Reporter, *, fresh: bool
     images = read_images(project.database)
     keypoints = read_keypoints(project.database, [i.image_id for i in images])
     counts = [len(keypoints[i.image_id]) for i in images]
-    reporter.say(f"features: {sum(counts)} keypoints, {int(np.median(counts))} an image (median)")
-    return {"num_keypoints": dict(zip([i.name for i in images], counts, strict=True))}
+    reporter.say(
+        f"features: {sum(counts)} keypoints, {int(np.median(counts))} an image (median), "
+        + ("upright" if options.upright else "turned to their gradients")
+    )
+    return {
+        "num_keypoints": dict(zip([i.name for i in images], counts, strict=True)),
+        "upright": bool(options.upright),
+        "orientation_trial": None if trial is None else asdict(trial),
+    }
 
 
 def threads(config: Config) -> int:
