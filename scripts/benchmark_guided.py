@@ -2,8 +2,8 @@
 
 usage: benchmark_guided.py SERIES [SERIES ...] [--output FOLDER] [--markdown FILE]
 
-A SERIES is a folder with images/ and, for the errors, truth.json. Features and matches are found
-once a series; each variant maps them anew:
+A SERIES is a folder with images/ and, for the errors, truth.json. Features (COLMAP's SIFT, turned
+to its gradients) and matches are found once a series; each variant maps them anew:
 
 matched        tracks as COLMAP's SIFT, ratio and affine verification leave them, two views on
 plain          the model from them, three views on: no guided pass
@@ -43,6 +43,8 @@ from semsfm_colmap.pipeline.stages import build_observations, read_project_serie
 from semsfm_colmap.types import Float, Reconstruction
 
 TRUE_MATCH_PX = 2.0
+PLAIN_SIFT = config_from_dict({"features": {"upright": False}})
+"""As everybody has it: turned to the dominant gradients, whatever the program would choose."""
 VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
     "plain": {"guided": {"enabled": False}},
     "coarse": {"guided": {"high_pass_px": 15.0}},
@@ -182,7 +184,7 @@ def main() -> None:
     for series in arguments.series:
         project = arguments.output / series.name
         images = series / "images" if (series / "images").is_dir() else series
-        run_stages(project, Config(), names=("ingest", "extract", "match"), image_path=images)
+        run_stages(project, PLAIN_SIFT, names=("ingest", "extract", "match"), image_path=images)
         rows.append(matched_row(project, series))
         for name in VARIANTS:
             work = arguments.output / f"{series.name}.{name.split()[0]}"

@@ -1,0 +1,107 @@
+"""Keypoints turned to their dominant gradients, or upright: matches, images and rotations.
+
+usage: benchmark_orientation.py SERIES[:STEP] [SERIES[:STEP] ...] [--markdown FILE]
+
+A SERIES is a folder of images, or one with images/ and truth.json; of it every STEP-th image is
+taken. Both ways through features, matching and mapping without the guided pass; "trial" is what
+the program chooses by itself, from a few pairs. Rotation errors are medians.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from semsfm_colmap.config import config_from_dict
+from semsfm_colmap.errors import SemSfmError
+from semsfm_colmap.evaluation.compare import evaluate
+from semsfm_colmap.evaluation.truth import load_truth
+from semsfm_colmap.pipeline.orientation import try_orientations
+from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.reconstruct import run_stages
+from semsfm_colmap.pipeline.stages import read_main_model, read_project_series
+
+STAGES = ("ingest", "extract", "match", "map")
+HEAD = (
+    "series",
+    "step",
+    "keypoints",
+    "trial",
+    "pairs verified",
+    "matches",
+    "images in the model",
+    "rotation error",
+)
+MARK = "<!-- made by scripts/benchmark_orientation.py -->"
+
+
+def measure(series: Path, step: int, images: Path, work: Path) -> list[list[Any]]:
+    """Two rows, turned and upright."""
+    rows = []
+    for upright in (False, True):
+        project = Project(work / f"upright-{upright}")
+        config = config_from_dict({"features": {"upright": upright}, "guided": {"enabled": False}})
+        mapped, rotation = "0", "-"
+        try:
+            run_stages(project.path, config, names=STAGES, image_path=images)
+            model = read_main_model(project)
+            mapped = str(model.num_images)
+            if (series / "truth.json").is_file():
+                figures = evaluate(model, load_truth(series))
+                rotation = f"{figures['rotation_error_median_deg']:.3f} deg"
+        except SemSfmError as error:
+            print(f"{series.name}: {error}", flush=True)
+        trial = try_orientations(project, read_project_series(project), num_threads=2)
+        pairs = run_stages(project.path, config, names=()).stages["match"]["summary"]["pairs"]
+        rows.append(
+            [
+                series.name,
+                step,
+                "upright" if upright else "turned",
+                "yes" if trial.upright == upright else "",
+                sum(pair["num_after_distance_filter"] > 0 for pair in pairs),
+                sum(pair["num_after_distance_filter"] for pair in pairs),
+                f"{mapped} / {len(list(images.iterdir()))}",
+                rotation,
+            ]
+        )
+        print(rows[-1], flush=True)
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("series", nargs="+")
+    parser.add_argument("--markdown", type=Path)
+    args = parser.parse_args()
+    rows = []
+    for argument in args.series:
+        folder, _, step = argument.partition(":")
+        series = Path(folder)
+        source = series / "images" if (series / "images").is_dir() else series
+        files = [p for p in sorted(source.iterdir()) if p.suffix in (".png", ".jpg", ".tif")]
+        with tempfile.TemporaryDirectory() as work:
+            images = Path(work) / "images"
+            images.mkdir()
+            for file in files[:: int(step or 1)]:
+                shutil.copy(file, images)
+            rows += measure(series, int(step or 1), images, Path(work))
+    lines = [
+        "| " + " | ".join(map(str, cells)) + " |" for cells in (HEAD, ["---"] * len(HEAD), *rows)
+    ]
+    table = "\n".join([MARK, *lines]) + "\n"
+    print(table)
+    if args.markdown:
+        before, mark, after = args.markdown.read_text(encoding="utf-8").partition(MARK)
+        rest = after.lstrip("\n").split("\n")
+        while mark and rest and rest[0].startswith("|"):
+            rest.pop(0)
+        after = "\n".join(rest)
+        args.markdown.write_text(before + table + after, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
