@@ -6,11 +6,14 @@ import pytest
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model import read_model
 from semsfm_colmap.colmap.sift import extraction_options
-from semsfm_colmap.config import Config
+from semsfm_colmap.config import config_from_dict
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.pipeline.external import map_database
 from semsfm_colmap.pipeline.reconstruct import run_stages
 from tests.alignment import best_hand_errors_deg
+
+CONFIG = config_from_dict({"features": {"upright": True}})
+"""The same keypoints for both: what our front end would choose by its trial."""
 
 
 def colmap_front_end(images, database):
@@ -19,7 +22,7 @@ def colmap_front_end(images, database):
         str(database),
         str(images),
         camera_mode=pycolmap.CameraMode.SINGLE,
-        extraction_options=extraction_options(Config().features, -1),
+        extraction_options=extraction_options(CONFIG.features, -1),
         device=pycolmap.Device.cpu,
     )
     matching = pycolmap.FeatureMatchingOptions()
@@ -42,9 +45,7 @@ def quality(database, images, output, truth):
 def test_nickel_through_colmap_alone_is_as_good_as_through_us(data_path, tmp_path, capsys):
     series = data_path / "synth_nickel"
     project = tmp_path / "ours"
-    run_stages(
-        project, Config(), names=("ingest", "extract", "match"), image_path=series / "images"
-    )
+    run_stages(project, CONFIG, names=("ingest", "extract", "match"), image_path=series / "images")
     colmap_front_end(project / "images", tmp_path / "colmap.db")
     truth = load_truth(series)
     ours, our_error = quality(project / "database.db", project / "images", tmp_path / "a", truth)
