@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -96,6 +97,12 @@ def _evidence(sign: dict[str, Any]) -> str:
     return f" Evidence: {cues}." if cues else " There is no evidence either way."
 
 
+def _sentence(message: str) -> str:
+    """A message of the run, without the figures in brackets that stand beside it already."""
+    plain = re.sub(r" \([^)]*\)", "", message).rstrip(".")
+    return f"{plain[:1].upper()}{plain[1:]}." if plain else ""
+
+
 def _facts(m: dict[str, Any]) -> Iterator[str]:
     images, structure, world, r = m["images"], m["structure"], m["world"], m["residuals"]
     registered = f"{images['num_registered']} of {count(images['num_given'], 'image')} registered"
@@ -145,9 +152,11 @@ def _facts(m: dict[str, Any]) -> Iterator[str]:
         )
     sign = m["depth_sign"]
     if sign["status"] == "resolved":
+        # the cues say what the program's own sentence does; a user's word they do not
+        word = f" {_sentence(sign['message'])}" if "user" in sign["evidence"] else ""
         yield (
             f"Depth sign: resolved, with a confidence of {percent(sign['confidence'])}."
-            f"{_evidence(sign)} {sign['message']}".rstrip()
+            f"{_evidence(sign)}{word}"
         )
     if m["mesh"] is not None and m["mesh"]["num_faces"]:
         mesh, u = m["mesh"], unit(m)
@@ -177,7 +186,7 @@ def _doubts_about_depth(m: dict[str, Any]) -> Iterator[str]:
         yield (
             f"The depth sign is ambiguous: the model may be inside out, near for far. The first "
             f"model has a confidence of {percent(sign['confidence'])}.{_evidence(sign)}{twin} "
-            f"{sign['message']}".rstrip()
+            f"{_sentence(sign['message'])}".rstrip()
         )
     if num == 2:
         yield (

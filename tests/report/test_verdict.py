@@ -63,6 +63,34 @@ def test_an_ambiguous_sign_is_doubted_with_its_evidence_and_twin():
         assert part in doubt
 
 
+def test_the_evidence_of_the_hand_is_said_once_and_a_users_word_beside_it():
+    sign = DepthSign(
+        status="resolved",
+        confidence=0.97,
+        evidence={"near side": 0.97},
+        message="the hand is decided by visibility with confidence 0.970 (near side 0.970)",
+    )
+    fact = next(
+        fact
+        for fact in verdict(make_reconstruction(ANGLES, depth_sign=sign)).facts
+        if fact.startswith("Depth sign")
+    )
+    assert fact.count("near side") == 1
+    assert "0.970" not in fact
+    given = replace(sign, evidence={"user": 1.0}, message="the hand was given by the user")
+    facts = verdict(make_reconstruction(ANGLES, depth_sign=given)).facts
+    assert any("The hand was given by the user." in fact for fact in facts)
+    open_ = replace(
+        sign,
+        status="ambiguous",
+        confidence=0.5,
+        message="visibility does not decide the hand (confidence 0.500: near side 0.500); both "
+        "models are written; your word would settle it",
+    )
+    doubt = only_doubt(make_reconstruction(ANGLES, depth_sign=open_), twin_written=True)
+    assert "Visibility does not decide the hand; both models" in doubt
+
+
 def test_a_small_rotation_is_doubted():
     assert "only 8.00°" in only_doubt(make_reconstruction(np.arange(5) * 2.0))
 
