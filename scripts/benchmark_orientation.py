@@ -22,6 +22,7 @@ from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.pipeline.orientation import try_orientations
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.reconstruct import run_stages
+from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.stages import read_main_model, read_project_series
 
 STAGES = ("ingest", "extract", "match", "map")
@@ -41,6 +42,7 @@ MARK = "<!-- made by scripts/benchmark_orientation.py -->"
 def measure(series: Path, step: int, images: Path, work: Path) -> list[list[Any]]:
     """Two rows, turned and upright."""
     rows = []
+    trial = None
     for upright in (False, True):
         project = Project(work / f"upright-{upright}")
         config = config_from_dict({"features": {"upright": upright}, "guided": {"enabled": False}})
@@ -54,8 +56,8 @@ def measure(series: Path, step: int, images: Path, work: Path) -> list[list[Any]
                 rotation = f"{figures['rotation_error_median_deg']:.3f} deg"
         except SemSfmError as error:
             print(f"{series.name}: {error}", flush=True)
-        trial = try_orientations(project, read_project_series(project), num_threads=2)
-        pairs = run_stages(project.path, config, names=()).stages["match"]["summary"]["pairs"]
+        trial = trial or try_orientations(project, read_project_series(project), num_threads=2)
+        pairs = RunRecord.read(project.record).stages["match"]["summary"]["pairs"]
         rows.append(
             [
                 series.name,

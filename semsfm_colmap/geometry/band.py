@@ -138,6 +138,7 @@ def _add_blocks(  # type: ignore[no-untyped-def]
                 elif u == v and not own:
                     # one unknown of both images: the block and its transpose
                     value *= 2.0
+                # written out: handing the arrays to a function takes five times as long
                 if k < K:
                     band[c, (k - c) * b + i, j] += value
                 elif c < K:

@@ -249,6 +249,8 @@ def band_layout(
     Parameters of several images (aspect, skew) meet all others and form the border. Small or full
     systems stay dense.
     """
+    if num_params < DENSE_LIMIT:
+        return BandLayout.dense(num_params)
     used = param_idx >= 0
     shared = np.bincount(param_idx[used], minlength=num_params) > 1
     own = used & ~shared[param_idx]
@@ -273,7 +275,7 @@ def band_layout(
     reach = begin[graph.row] + count[graph.row] - 1 - begin[graph.col]
     width = max(int(np.max(reach, initial=0)), MIN_BLOCK)
     num_inner = int(count.sum())
-    if num_params < DENSE_LIMIT or width > MAX_BAND_SHARE * num_inner:
+    if width > MAX_BAND_SHARE * num_inner:
         return BandLayout.dense(num_params)
     place = np.empty(num_params, dtype=np.int64)
     within = np.cumsum(own, axis=1) - 1

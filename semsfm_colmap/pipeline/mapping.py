@@ -17,9 +17,7 @@ from semsfm_colmap.ingest.tilt import TiltPrior
 from semsfm_colmap.pipeline.finish import MappedPart, finish
 from semsfm_colmap.pipeline.guided import Guide, refine_guided
 from semsfm_colmap.pipeline.known_tilt import known_tilts, with_known_tilt
-from semsfm_colmap.pipeline.reliability import (
-    SMALL_ROTATION_DEG,
-)
+from semsfm_colmap.pipeline.reliability import SMALL_ROTATION_DEG
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import refine
 from semsfm_colmap.tracks.diagnosis import diagnose_tracks

@@ -6,6 +6,7 @@ from scipy.linalg import LinAlgError
 from semsfm_colmap.geometry import band, reduced
 from semsfm_colmap.geometry.band import BandLayout, BandMatrix
 from semsfm_colmap.geometry.reduced import band_layout, covisible_pairs, narrow_order, reach_of
+from tests.banded import solve_in_bands
 
 NUM_IMAGES = 40
 
@@ -46,8 +47,7 @@ def dense_sum(pairs, param_idx, n, blocks):
 def matrix_of(monkeypatch, num_shared, banded=True, size=256):
     monkeypatch.setattr(band, "BLOCK", size)
     if banded:
-        monkeypatch.setattr(reduced, "DENSE_LIMIT", 0)
-        monkeypatch.setattr(reduced, "MIN_BLOCK", 1)
+        solve_in_bands(monkeypatch)
     pairs, param_idx, n, blocks = closed_turn(num_shared)
     nothing = sparse.csr_array((0, n))
     matrix = BandMatrix.zeros(band_layout(pairs, param_idx, n, nothing))
@@ -120,9 +120,7 @@ def test_a_border_that_is_not_positive_definite_is_refused(monkeypatch):
 
 
 def test_a_prior_between_images_without_a_common_track_widens_the_band(monkeypatch):
-    monkeypatch.setattr(reduced, "DENSE_LIMIT", 0)
-    monkeypatch.setattr(reduced, "MIN_BLOCK", 1)
-    monkeypatch.setattr(reduced, "MAX_BAND_SHARE", 1.0)
+    solve_in_bands(monkeypatch)
     pairs, param_idx, n, blocks = closed_turn(0)
     far = np.argwhere(pairs.lookup < 0)[0]
     J = np.zeros((1, n))

@@ -25,13 +25,8 @@ from semsfm_colmap.geometry.points import fit_points, residuals, solve_points, t
 from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.refinement.bundle import BundleModel
 from semsfm_colmap.synthetic.tracks import simulate_tracks
+from tests.banded import solve_in_bands
 from tests.oracles import geometry as oracle
-
-
-def solve_in_bands(monkeypatch):
-    monkeypatch.setattr(reduced, "DENSE_LIMIT", 0)
-    monkeypatch.setattr(reduced, "MAX_BAND_SHARE", 1.0)
-    monkeypatch.setattr(reduced, "MIN_BLOCK", 1)
 
 
 @pytest.mark.parametrize("banded", [False, True])

@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semsfm_colmap.geometry import reduced
 from semsfm_colmap.geometry.eliminated import (
     ReducedSystem,
     SolverOptions,
@@ -16,6 +15,7 @@ from semsfm_colmap.refinement.bundle import BundleModel
 from semsfm_colmap.refinement.covariance import estimate_covariance, gauge_directions
 from semsfm_colmap.refinement.scan_drift import ScanDriftModel
 from semsfm_colmap.synthetic.tracks import simulate_tracks
+from tests.banded import solve_in_bands
 from tests.oracles import geometry as oracle
 
 SIGMA_PX = 0.3
@@ -54,9 +54,7 @@ def state_of(s, *, free_affine=False, drift=False):
 @pytest.mark.parametrize("free_affine", [False, True])
 def test_error_bars_are_those_of_the_whole_inverse(free_affine, drift, banded, monkeypatch):
     if banded:
-        monkeypatch.setattr(reduced, "DENSE_LIMIT", 0)
-        monkeypatch.setattr(reduced, "MAX_BAND_SHARE", 1.0)
-        monkeypatch.setattr(reduced, "MIN_BLOCK", 1)
+        solve_in_bands(monkeypatch)
     s = a_turn()
     obs = s.observations
     model, state = state_of(s, free_affine=free_affine, drift=drift)
