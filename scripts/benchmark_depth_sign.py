@@ -160,7 +160,7 @@ def through_the_pipeline(k: int) -> Row:
     """Scene k from its raw tracks through factorization, refinement and the decision."""
     from semsfm_colmap.factorization.options import FactorizationOptions
     from semsfm_colmap.geometry.alignment import align_cameras
-    from semsfm_colmap.pipeline.mapping import map_observations
+    from semsfm_colmap.mapping.parts import map_observations
     from semsfm_colmap.refinement.options import RefinementOptions
 
     rng = np.random.default_rng([THROUGH, k])
@@ -281,7 +281,7 @@ def by_kind(rows: list[Row], with_tilt: bool) -> str:
 
 def project_row(text: str) -> str:
     """One mapped project, as a line of a table."""
-    from semsfm_colmap.colmap.model import read_model
+    from semsfm_colmap.colmap.model.sparse import read_model
     from semsfm_colmap.evaluation.truth import load_truth
     from semsfm_colmap.geometry.alignment import align_cameras
 

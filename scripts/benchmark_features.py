@@ -15,10 +15,10 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from semsfm_colmap.feature_study.options import StudyOptions
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.pipeline.compare_features import CompareOptions, load_images, time_features
+from semsfm_colmap.studies.features.options import StudyOptions
+from semsfm_colmap.studies.features.run import CompareOptions, load_images, time_features
 
 ROUNDS = 3
 DETECTORS = ("colmap-sift", "harris-hessian-laplace", "hessian-laplace", "harris-hessian-affine")

@@ -51,7 +51,7 @@ from semsfm_colmap.geometry.rotations import (
     rotation_from_vector,
     vector_from_rotation,
 )
-from semsfm_colmap.geometry.tracks import keep_tracks
+from semsfm_colmap.geometry.subset import keep_tracks
 from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
 from semsfm_colmap.refinement.covariance import estimate_covariance
 from semsfm_colmap.refinement.options import RefinementOptions
@@ -614,7 +614,7 @@ def structure_error(X: Any, true: Any) -> float:
 
 def from_matches(s: SimulatedTracks, database: Path) -> tuple[SimulatedTracks, tuple[float, float]]:
     """Tracks joined from verified matches, as the program joins them; wall and CPU seconds."""
-    from semsfm_colmap.colmap.database import open_database, read_inlier_matches
+    from semsfm_colmap.colmap.database.work import open_database, read_inlier_matches
 
     begin, begin_cpu = time.monotonic(), time.process_time()
     with open_database(database) as db:
@@ -719,7 +719,7 @@ def hand(fit: Any, s: SimulatedTracks) -> Any:
 def table_ceres(data: Path, quick: bool) -> str:
     """Both start from the same disturbed cameras and points and end at the same cost."""
     from semsfm_colmap.colmap.library import pycolmap
-    from semsfm_colmap.colmap.telecentric import pinhole_translations
+    from semsfm_colmap.colmap.model.telecentric import pinhole_translations
 
     rows = []
     for tracks in (6000,) if quick else (6000, 15000):

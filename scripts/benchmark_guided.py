@@ -32,14 +32,14 @@ from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.colmap.model import read_model
+from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.config import Config, config_from_dict
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import Truth, load_truth
 from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_fundamental
 from semsfm_colmap.pipeline.project import Project
-from semsfm_colmap.pipeline.reconstruct import run_stages
-from semsfm_colmap.pipeline.stages import build_observations, read_project_series
+from semsfm_colmap.pipeline.runner import run_stages
+from semsfm_colmap.pipeline.stages.all import build_observations, read_project_series
 from semsfm_colmap.types import Float, Reconstruction
 
 TRUE_MATCH_PX = 2.0

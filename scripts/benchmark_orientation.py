@@ -21,9 +21,9 @@ from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.pipeline.orientation import try_orientations
 from semsfm_colmap.pipeline.project import Project
-from semsfm_colmap.pipeline.reconstruct import run_stages
 from semsfm_colmap.pipeline.record import RunRecord
-from semsfm_colmap.pipeline.stages import read_main_model, read_project_series
+from semsfm_colmap.pipeline.runner import run_stages
+from semsfm_colmap.pipeline.stages.all import read_main_model, read_project_series
 
 STAGES = ("ingest", "extract", "match", "map")
 HEAD = (

@@ -27,11 +27,11 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.colmap.library import pycolmap
-from semsfm_colmap.colmap.model import read_model
+from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.config import Config
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.geometry.rotations import depth_reversed, nearest_rotation, rotation_angle
-from semsfm_colmap.pipeline.reconstruct import run_stages
+from semsfm_colmap.pipeline.runner import run_stages
 
 EXPERT_FOCAL_PX = 1e5
 OVERLAP = 10
@@ -175,7 +175,7 @@ def table(rows: list[Row]) -> str:
 def warm_up() -> None:
     """Compile the kernels once, so that the times are those of every run but the first."""
     from semsfm_colmap.factorization.options import FactorizationOptions
-    from semsfm_colmap.pipeline.mapping import map_observations
+    from semsfm_colmap.mapping.parts import map_observations
     from semsfm_colmap.refinement.options import RefinementOptions
     from semsfm_colmap.synthetic.tracks import simulate_tracks
 

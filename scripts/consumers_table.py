@@ -23,10 +23,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from semsfm_colmap.colmap.database_38 import write_database_38
-from semsfm_colmap.colmap.model import read_model
+from semsfm_colmap.colmap.database.schema38 import write_database_38
+from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.pipeline.export import export_project
-from tests.colmap.exports import consumers, readers
+from tests.exports import consumers, readers
 
 BEGIN, END = "<!-- consumers: begin -->", "<!-- consumers: end -->"
 

@@ -12,11 +12,11 @@ import sys
 import time
 from pathlib import Path
 
-from semsfm_colmap.feature_study.options import StudyOptions
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.matching.options import MatchingOptions
-from semsfm_colmap.pipeline.compare_features import CompareOptions, compare_features
+from semsfm_colmap.studies.features.options import StudyOptions
+from semsfm_colmap.studies.features.run import CompareOptions, compare_features
 
 SERIES = ("synth_nickel", "sem_pot1", "synth_pollen", "sem_quartz3", "synth_spore", "hotel")
 NUM_IMAGES = 6

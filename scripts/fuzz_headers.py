@@ -88,9 +88,9 @@ def fuzz_sidecar(data: bytes) -> None:
 
 def fuzz_file(data: bytes) -> None:
     """Bytes as an image file: header, metadata and pixels."""
-    from semsfm_colmap.ingest.header import UnreadableImageError
+    from semsfm_colmap.ingest.files.header import UnreadableImageError
+    from semsfm_colmap.ingest.files.raster import read_header, read_pixels
     from semsfm_colmap.ingest.metadata import read_metadata
-    from semsfm_colmap.ingest.raster import read_header, read_pixels
 
     with tempfile.TemporaryDirectory(dir=scratch()) as folder:
         path = Path(folder, "a.tif")
@@ -109,7 +109,7 @@ def fuzz_file(data: bytes) -> None:
 def fuzz_table(data: bytes) -> None:
     """Bytes as a series table."""
     from semsfm_colmap.errors import SemSfmError
-    from semsfm_colmap.ingest.series_table import read_series_table
+    from semsfm_colmap.ingest.series.table import read_series_table
 
     with tempfile.TemporaryDirectory(dir=scratch()) as folder:
         path = Path(folder, "s.csv")
@@ -176,7 +176,7 @@ TABLE = (
 
 def header(data: bytes) -> Any:
     """An image to go with a header text: of the size most seeds speak of, turned, or resized."""
-    from semsfm_colmap.ingest.header import ImageHeader
+    from semsfm_colmap.ingest.files.header import ImageHeader
 
     width, height = SIZES[len(data) % len(SIZES)]
     return ImageHeader(format="tiff", width=width, height=height, bits=8, channels=1)
@@ -348,9 +348,9 @@ def fuzz_with_atheris(target: str, seconds: float, data: Path | None, findings: 
     with atheris.instrument_imports(include=["semsfm_colmap.ingest", "tifffile"]):
         import tifffile  # noqa: F401
 
+        import semsfm_colmap.ingest.files.raster
         import semsfm_colmap.ingest.metadata.registry
-        import semsfm_colmap.ingest.raster
-        import semsfm_colmap.ingest.series_table  # noqa: F401
+        import semsfm_colmap.ingest.series.table  # noqa: F401
     corpus = seeds(target, data)
     findings.mkdir(parents=True, exist_ok=True)
     folder = tempfile.mkdtemp(prefix=f"corpus-{target}-", dir=scratch())

@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 import PIL.Image
 
-from semsfm_colmap.colmap.model import read_model
+from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.surface.files import read_ply_mesh
-from semsfm_colmap.surface.preview import render_mesh, turntable
+from semsfm_colmap.surface.mesh.preview import render_mesh, turntable
 
 SIZE = (520, 420)
 

@@ -16,7 +16,7 @@ import numpy as np
 from semsfm_colmap.config import Config
 from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_fundamental
 from semsfm_colmap.matching.verify import verify_pair
-from semsfm_colmap.pipeline.sparse_models import join_matches
+from semsfm_colmap.pipeline.stages.sparse_models import join_matches
 from semsfm_colmap.synthetic.tracks import SimulatedTracks
 from semsfm_colmap.types import Float, Int, Observations
 

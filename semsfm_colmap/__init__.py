@@ -24,22 +24,22 @@ __version__ = "0.1.0"
 os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
 
 if TYPE_CHECKING:
-    from semsfm_colmap.colmap.model import read_model as read_model
-    from semsfm_colmap.colmap.pinhole_reading import read_pinhole_model as read_pinhole_model
+    from semsfm_colmap.colmap.model.pinhole_reading import read_pinhole_model as read_pinhole_model
+    from semsfm_colmap.colmap.model.sparse import read_model as read_model
     from semsfm_colmap.config import Config as Config
     from semsfm_colmap.config import read_config as read_config
     from semsfm_colmap.config import write_config as write_config
     from semsfm_colmap.evaluation.compare import evaluate as evaluate
     from semsfm_colmap.evaluation.truth import load_truth as load_truth
+    from semsfm_colmap.mapping.parts import map_observations as map_observations
     from semsfm_colmap.pipeline.adopt import adopt_model as adopt_model
     from semsfm_colmap.pipeline.export import export_project as export_project
-    from semsfm_colmap.pipeline.external import map_database as map_database
-    from semsfm_colmap.pipeline.external_import import (
+    from semsfm_colmap.pipeline.foreign.import_database import (
         reconstruct_from_database as reconstruct_from_database,
     )
-    from semsfm_colmap.pipeline.mapping import map_observations as map_observations
-    from semsfm_colmap.pipeline.reconstruct import reconstruct as reconstruct
-    from semsfm_colmap.pipeline.reconstruct import run_stages as run_stages
+    from semsfm_colmap.pipeline.foreign.map_database import map_database as map_database
+    from semsfm_colmap.pipeline.runner import reconstruct as reconstruct
+    from semsfm_colmap.pipeline.runner import run_stages as run_stages
     from semsfm_colmap.synthetic.options import SynthesizeOptions as SynthesizeOptions
     from semsfm_colmap.synthetic.series import synthesize as synthesize
 
@@ -50,14 +50,14 @@ _HOMES = {
     "evaluate": "evaluation.compare",
     "export_project": "pipeline.export",
     "load_truth": "evaluation.truth",
-    "map_database": "pipeline.external",
-    "map_observations": "pipeline.mapping",
+    "map_database": "pipeline.foreign.map_database",
+    "map_observations": "mapping.parts",
     "read_config": "config",
-    "read_model": "colmap.model",
-    "read_pinhole_model": "colmap.pinhole_reading",
-    "reconstruct": "pipeline.reconstruct",
-    "reconstruct_from_database": "pipeline.external_import",
-    "run_stages": "pipeline.reconstruct",
+    "read_model": "colmap.model.sparse",
+    "read_pinhole_model": "colmap.model.pinhole_reading",
+    "reconstruct": "pipeline.runner",
+    "reconstruct_from_database": "pipeline.foreign.import_database",
+    "run_stages": "pipeline.runner",
     "synthesize": "synthetic.series",
     "write_config": "config",
 }

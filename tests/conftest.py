@@ -4,6 +4,11 @@ from pathlib import Path
 
 import pytest
 
+from semsfm_colmap.config import Config
+from semsfm_colmap.pipeline.runner import reconstruct
+from semsfm_colmap.synthetic.options import SynthesizeOptions
+from semsfm_colmap.synthetic.series import synthesize
+
 DATA = Path(__file__).parents[1] / ".." / "shared" / "data"
 
 
@@ -13,3 +18,38 @@ def data_path() -> Path:
     if not DATA.is_dir():
         pytest.skip("the development data are not there")
     return DATA
+
+
+SMALL = SynthesizeOptions(
+    scene="grain",
+    num_images=7,
+    step_deg=5.0,
+    width_px=420,
+    height_px=360,
+    databar_rows=30,
+    supersampling=1,
+    mesh_edge_px=3.0,
+    image_format="tif",
+)
+
+
+@pytest.fixture(scope="session")
+def small_series(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seven small TIFFs of a spiny grain with truth beside them."""
+    return synthesize(tmp_path_factory.mktemp("small"), SMALL).parent
+
+
+@pytest.fixture(scope="session")
+def small_project(small_series: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project made from them; tests that change it copy it first."""
+    project = tmp_path_factory.mktemp("project") / "p"
+    reconstruct(small_series / "images", project, Config())
+    return project
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """An empty image folder."""
+    path = tmp_path / "images_in"
+    path.mkdir()
+    return path

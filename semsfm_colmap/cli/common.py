@@ -112,7 +112,7 @@ def run_stage_command(
     name: str, stages: Sequence[str], arguments: Sequence[str], description: str
 ) -> None:
     """A command that runs some stages of an existing project."""
-    from semsfm_colmap.pipeline.reconstruct import run_stages
+    from semsfm_colmap.pipeline.runner import run_stages
 
     args = positional_first(arguments)
     project = Path(args[0]) if args and not args[0].startswith("-") else None

@@ -10,10 +10,10 @@ from typing import Annotated
 import tyro
 
 from semsfm_colmap.cli.common import Quiet, Verbose, parse, positional_first, verbosity
-from semsfm_colmap.feature_study.options import StudyOptions
 from semsfm_colmap.features.options import DescriptorOptions, DetectorOptions
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.matching.options import MatchingOptions
+from semsfm_colmap.studies.features.options import StudyOptions
 
 DESCRIPTION = (
     "Compare region detectors and descriptors on a series: how many matches each finds and keeps,"
@@ -47,7 +47,7 @@ class Arguments:
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
     parsed = parse(Arguments, positional_first(arguments), "compare-features", DESCRIPTION)
-    from semsfm_colmap.pipeline.compare_features import CompareOptions, compare_features
+    from semsfm_colmap.studies.features.run import CompareOptions, compare_features
 
     compare_features(
         parsed.image_path,

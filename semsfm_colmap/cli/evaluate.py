@@ -29,8 +29,8 @@ class Arguments:
 
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
+    from semsfm_colmap.io.atomic import write_json
     from semsfm_colmap.pipeline.evaluate import evaluate_project
-    from semsfm_colmap.pipeline.files import write_json
 
     parsed = parse(Arguments, list(arguments), "evaluate", DESCRIPTION)
     figures, table = evaluate_project(parsed.project_path, parsed.truth_path, model=parsed.model)

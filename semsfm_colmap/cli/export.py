@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from semsfm_colmap.cli.common import Quiet, parse, positional_first, verbosity
-from semsfm_colmap.colmap.exports.options import FormatOptions
+from semsfm_colmap.exports.options import FormatOptions
 
 DESCRIPTION = "Write the model of a project as another program reads it (docs/exports.md)."
 

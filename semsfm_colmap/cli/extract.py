@@ -18,7 +18,7 @@ DESCRIPTION = "Read and prepare the images of a folder, find keypoints in them."
 
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
-    from semsfm_colmap.pipeline.reconstruct import run_stages
+    from semsfm_colmap.pipeline.runner import run_stages
 
     args = positional_first(arguments)
     parsed = parse(with_default_config(Arguments, file_config(args)), args, "extract", DESCRIPTION)

@@ -31,8 +31,8 @@ class Arguments:
 
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
-    from semsfm_colmap.ingest.inspect import inspect_images
-    from semsfm_colmap.ingest.inspect_output import (
+    from semsfm_colmap.ingest.inspect.inspection import inspect_images
+    from semsfm_colmap.ingest.inspect.output import (
         WIDTH,
         format_inspection,
         write_inspection_csv,

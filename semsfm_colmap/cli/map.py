@@ -54,7 +54,7 @@ def main(arguments: Sequence[str]) -> None:
         args = ["--help"]
     command = with_default_config(DatabaseArguments, file_config(args))
     parsed = parse_flags(command, args, "map", "Cameras and points from any COLMAP database.")
-    from semsfm_colmap.pipeline.external import map_database
+    from semsfm_colmap.pipeline.foreign.map_database import map_database
 
     map_database(
         parsed.database_path,

@@ -53,8 +53,8 @@ class ReconstructArguments(Arguments):
 
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
-    from semsfm_colmap.pipeline.external_import import reconstruct_from_database
-    from semsfm_colmap.pipeline.reconstruct import run_stages
+    from semsfm_colmap.pipeline.foreign.import_database import reconstruct_from_database
+    from semsfm_colmap.pipeline.runner import run_stages
 
     args = positional_first(arguments)
     command = with_default_config(ReconstructArguments, file_config(args))

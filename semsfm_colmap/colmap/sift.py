@@ -6,14 +6,14 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from semsfm_colmap.colmap.database import (
+from semsfm_colmap.colmap.database.scratch import copy_features, copy_matches, scratch_database
+from semsfm_colmap.colmap.database.work import (
     ImagePair,
     images_without_features,
     open_database,
     pairs_without_matches,
     read_images,
 )
-from semsfm_colmap.colmap.database_scratch import copy_features, copy_matches, scratch_database
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.options import SiftOptions
 

@@ -15,7 +15,7 @@ from semsfm_colmap.factorization.segments import Segment, cut_into_segments, joi
 from semsfm_colmap.factorization.upgrade import upgrade_to_euclidean
 from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
-from semsfm_colmap.geometry.tracks import keep_tracks, thin_evenly
+from semsfm_colmap.geometry.subset import keep_tracks, thin_evenly
 from semsfm_colmap.geometry.triangulation import triangulate_tracks
 from semsfm_colmap.types import (
     AffineModel,

@@ -12,7 +12,28 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.ingest.checks import (
+from semsfm_colmap.ingest.files.convert import to_grey8
+from semsfm_colmap.ingest.files.header import UnreadableImageError
+from semsfm_colmap.ingest.files.listing import SERIES_FILE, find_images
+from semsfm_colmap.ingest.files.output import (
+    LOSSLESS_SUFFIXES,
+    encode_grey8,
+    remove_stale,
+    write_atomic,
+)
+from semsfm_colmap.ingest.files.raster import RawImage, read_pixels
+from semsfm_colmap.ingest.frame.pixels import changes_pixels, prepare_pixels
+from semsfm_colmap.ingest.frame.scan import (
+    Progress,
+    SourceImage,
+    check_content,
+    choose_crops,
+    scan_images,
+)
+from semsfm_colmap.ingest.masks.given import find_masks_folder
+from semsfm_colmap.ingest.masks.series import SeriesMasks
+from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.series.checks import (
     check_enough,
     check_options,
     check_paths,
@@ -20,35 +41,14 @@ from semsfm_colmap.ingest.checks import (
     no_images_message,
     series_warnings,
 )
-from semsfm_colmap.ingest.convert import to_grey8
-from semsfm_colmap.ingest.files import SERIES_FILE, find_images
-from semsfm_colmap.ingest.frame_masks import SeriesMasks
-from semsfm_colmap.ingest.header import UnreadableImageError
-from semsfm_colmap.ingest.masks import find_masks_folder
-from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.ingest.output import (
-    LOSSLESS_SUFFIXES,
-    encode_grey8,
-    remove_stale,
-    write_atomic,
-)
-from semsfm_colmap.ingest.overrides import apply_scale_bar, apply_table
-from semsfm_colmap.ingest.pixel_size import leave_out_magnifications, series_pixel_size
-from semsfm_colmap.ingest.prepare_pixels import changes_pixels, prepare_pixels
-from semsfm_colmap.ingest.raster import RawImage, read_pixels
-from semsfm_colmap.ingest.scan import (
-    Progress,
-    SourceImage,
-    check_content,
-    choose_crops,
-    scan_images,
-)
-from semsfm_colmap.ingest.series_file import (
+from semsfm_colmap.ingest.series.file import (
     PreparationRecord,
     read_written_files,
     write_series,
 )
-from semsfm_colmap.ingest.series_table import SeriesTable, read_series_table
+from semsfm_colmap.ingest.series.overrides import apply_scale_bar, apply_table
+from semsfm_colmap.ingest.series.pixel_size import leave_out_magnifications, series_pixel_size
+from semsfm_colmap.ingest.series.table import SeriesTable, read_series_table
 from semsfm_colmap.types import Array, SemFrame, SemSeries
 
 

@@ -44,7 +44,7 @@ def colmap_features(
     sizes_px : width and height of each
 
     """
-    from semsfm_colmap.colmap.database import read_descriptors, read_images, read_keypoint_rows
+    from semsfm_colmap.colmap.database.work import read_descriptors, read_images, read_keypoint_rows
     from semsfm_colmap.colmap.sift import extract_sift
 
     with tempfile.TemporaryDirectory(prefix="semsfm-") as folder:

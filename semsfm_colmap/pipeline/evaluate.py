@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from semsfm_colmap.colmap.model import read_model
+from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.table import format_evaluation
 from semsfm_colmap.evaluation.truth import load_truth

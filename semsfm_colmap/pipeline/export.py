@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from semsfm_colmap.colmap.exports.options import FormatOptions
-from semsfm_colmap.colmap.exports.registry import find_format
-from semsfm_colmap.colmap.exports.scene import DenseView, ExportScene, Summary, read_scene
-from semsfm_colmap.colmap.exports.write import export_scene
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.exports.options import FormatOptions
+from semsfm_colmap.exports.registry import find_format
+from semsfm_colmap.exports.scene import DenseView, ExportScene, Summary, read_scene
+from semsfm_colmap.exports.write import export_scene
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Float, PointCloud, Reconstruction
@@ -31,7 +31,7 @@ def export_project(
     Parameters
     ----------
     project_path : the project folder
-    format_name : one of `semsfm_colmap.colmap.exports.registry.FORMATS`
+    format_name : one of `semsfm_colmap.exports.registry.FORMATS`
     output_path : default PROJECT/export/<format>
     model : number of the model below sparse/
     options : focal length, names, dense settings
@@ -84,9 +84,9 @@ def dense_views(
     reconstruction: Reconstruction, folder: Path, names: list[str], options: SurfaceOptions
 ) -> Iterator[DenseView]:
     """Depth maps with the slopes and normals of their local planes."""
-    from semsfm_colmap.surface.consistency import camera_normals, depth_map_unit
     from semsfm_colmap.surface.files import read_depth_map
-    from semsfm_colmap.surface.refine_kernels import local_planes
+    from semsfm_colmap.surface.fusion.consistency import camera_normals, depth_map_unit
+    from semsfm_colmap.surface.stereo.refine_kernels import local_planes
 
     number = {name: i for i, name in enumerate(reconstruction.image_names)}
     for name in names:
@@ -117,7 +117,7 @@ def with_cloud(scene: ExportScene) -> ExportScene:
 
 def oriented_points(reconstruction: Reconstruction) -> PointCloud:
     """The points with normals toward the viewers and standard deviations."""
-    from semsfm_colmap.surface.cloud import sparse_cloud
+    from semsfm_colmap.surface.fusion.cloud import sparse_cloud
 
     covariance = point_covariance(reconstruction)
     stored = reconstruction.point_covariance

@@ -14,7 +14,7 @@ import numpy as np
 from semsfm_colmap.geometry.alignment import align_rotations
 from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.geometry.rotations import rotation_angle
-from semsfm_colmap.geometry.tracks import keep_tracks
+from semsfm_colmap.geometry.subset import keep_tracks
 from semsfm_colmap.refinement.bundle import bundle_adjust
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
 

@@ -17,7 +17,7 @@ import numpy as np
 from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions
 from semsfm_colmap.geometry.points import residuals
 from semsfm_colmap.geometry.rotations import rotation_angle
-from semsfm_colmap.geometry.tracks import keep_tracks, thin_evenly
+from semsfm_colmap.geometry.subset import keep_tracks, thin_evenly
 from semsfm_colmap.refinement.bundle import bundle_adjust
 from semsfm_colmap.refinement.scan_drift import adjust_with_drift
 from semsfm_colmap.types import Bool, Float, Observations, OrthographicCameras

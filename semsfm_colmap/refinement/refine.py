@@ -16,7 +16,7 @@ import numpy as np
 
 from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
-from semsfm_colmap.geometry.tracks import keep_tracks, thin_evenly
+from semsfm_colmap.geometry.subset import keep_tracks, thin_evenly
 from semsfm_colmap.geometry.triangulation import (
     drop_deviating,
     triangulate_tracks,

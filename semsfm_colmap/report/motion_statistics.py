@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import rotation_angle
+from semsfm_colmap.motion.axis import RotationSeries, fit_rotation_series
 from semsfm_colmap.report.frames import Frames
 from semsfm_colmap.report.inputs import ReportInputs
-from semsfm_colmap.report.rotation_series import RotationSeries, fit_rotation_series
 from semsfm_colmap.types import Float
 
 MIN_TILTS = 3

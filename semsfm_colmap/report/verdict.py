@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.geometry.tilt import tilt_tolerance
+from semsfm_colmap.motion.small_tilt import tilt_tolerance
 
 MIN_RANGE_DEG = 15.0
 """Below this total rotation angle and depth are seen only in second order: neither a fixed nor a

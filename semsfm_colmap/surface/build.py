@@ -14,13 +14,13 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.normals import sampling_distance
-from semsfm_colmap.surface.ball_pivoting import mesh_cloud
-from semsfm_colmap.surface.cloud import sparse_cloud
-from semsfm_colmap.surface.fusion import fuse
-from semsfm_colmap.surface.halfedges import component_labels, num_boundary_edges
+from semsfm_colmap.surface.fusion.cloud import sparse_cloud
+from semsfm_colmap.surface.fusion.fuse import fuse
+from semsfm_colmap.surface.mesh.ball_pivoting import mesh_cloud
+from semsfm_colmap.surface.mesh.halfedges import component_labels, num_boundary_edges
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.surface.plane_sweep import sweep_depth_maps
-from semsfm_colmap.surface.views import choose_references
+from semsfm_colmap.surface.stereo.plane_sweep import sweep_depth_maps
+from semsfm_colmap.surface.stereo.views import choose_references
 from semsfm_colmap.types import (
     DepthMap,
     PointCloud,

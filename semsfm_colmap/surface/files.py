@@ -251,7 +251,7 @@ def _optional(rows: Array, names: tuple[str, ...], kind: Any) -> Array | None:
 
 def _unshare(mesh: TriangleMesh) -> tuple[Array, Array, Array, Array]:
     """One vertex for each distinct pair of vertex and texture coordinate."""
-    from semsfm_colmap.surface.repair import vertex_normals
+    from semsfm_colmap.surface.mesh.repair import vertex_normals
 
     assert mesh.uv is not None
     corner = mesh.faces.reshape(-1)

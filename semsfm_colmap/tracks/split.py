@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from semsfm_colmap.geometry.points import track_pointer
-from semsfm_colmap.geometry.tracks import keep_tracks
+from semsfm_colmap.geometry.subset import keep_tracks
 from semsfm_colmap.geometry.triangulation import triangulate_tracks
 from semsfm_colmap.types import Int, Observations, OrthographicCameras
 

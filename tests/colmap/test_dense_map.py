@@ -8,7 +8,7 @@ import pytest
 from semsfm_colmap.colmap.dense_map import pinhole_depth, read_map, write_map
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.errors import InputError, UsageError
-from tests.colmap.exports.readers import read_colmap_map
+from tests.exports.readers import read_colmap_map
 
 
 @pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3)])

@@ -16,8 +16,7 @@ from semsfm_colmap.geometry.alignment import Similarity
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.synthetic.primitives import vertex_normals
 from semsfm_colmap.types import DepthSign, Float, Reconstruction, TriangleMesh
-
-from .series import (
+from tests.evaluation.series import (
     SCALE,
     UNIT_UM,
     WORLD,

@@ -8,8 +8,7 @@ import pytest
 
 from semsfm_colmap.evaluation import evaluate, format_evaluation
 from semsfm_colmap.types import DepthSign
-
-from .series import bumpy_ball, make_truth, mirrored, reconstruction_of
+from tests.evaluation.series import bumpy_ball, make_truth, mirrored, reconstruction_of
 
 MESH = bumpy_ball()
 

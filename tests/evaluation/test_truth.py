@@ -13,8 +13,7 @@ import pytest
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.evaluation import load_truth
 from semsfm_colmap.synthetic import SynthesizeOptions, synthesize
-
-from .series import bumpy_ball, make_truth, write_truth
+from tests.evaluation.series import bumpy_ball, make_truth, write_truth
 
 
 @pytest.fixture

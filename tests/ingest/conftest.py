@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 Array = NDArray[np.generic]
@@ -59,12 +58,4 @@ def save(path: Path, image: Array, **options: object) -> Path:
         from PIL import Image
 
         Image.fromarray(image).save(path, **options)
-    return path
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """An empty image folder."""
-    path = tmp_path / "images_in"
-    path.mkdir()
     return path

@@ -17,15 +17,14 @@ import pytest
 from PIL import Image
 
 from semsfm_colmap.errors import InputError, SemSfmError, UsageError
-from semsfm_colmap.ingest.files import find_images
-from semsfm_colmap.ingest.header import UnreadableImageError
+from semsfm_colmap.ingest.files.header import UnreadableImageError
+from semsfm_colmap.ingest.files.listing import find_images
+from semsfm_colmap.ingest.files.raster import read_header
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.prepare import prepare_series
-from semsfm_colmap.ingest.raster import read_header
 from semsfm_colmap.types import SemSeries
-
-from . import vendor_files as vendor
-from .conftest import save, texture, with_databar
+from tests.ingest import vendor_files as vendor
+from tests.ingest.conftest import save, texture, with_databar
 
 OPTIONS = IngestOptions()
 
@@ -386,7 +385,7 @@ def test_what_is_odd_about_single_images_is_said_once_for_all_of_them(good: Path
 def test_every_orientation_is_undone_as_pillow_does(good: Path, orientation: int) -> None:
     from PIL import ImageOps
 
-    from semsfm_colmap.ingest.raster import read_pixels
+    from semsfm_colmap.ingest.files.raster import read_pixels
 
     path = save(
         good / "turned.tif", texture(9), metadata=None,

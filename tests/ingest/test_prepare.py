@@ -10,10 +10,9 @@ from PIL import Image
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.prepare import prepare_series
-from semsfm_colmap.ingest.series_file import read_series, write_series
+from semsfm_colmap.ingest.series.file import read_series, write_series
 from semsfm_colmap.types import SemFrame, SemMetadata, SemSeries
-
-from .conftest import DATA, save, texture, with_databar
+from tests.ingest.conftest import DATA, save, texture, with_databar
 
 OPTIONS = IngestOptions()
 

@@ -11,7 +11,7 @@ import pytest
 
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.config import Config
-from semsfm_colmap.pipeline.reconstruct import run_stages
+from semsfm_colmap.pipeline.runner import run_stages
 
 
 def start(images, project):

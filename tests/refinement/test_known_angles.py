@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.factorization.options import FactorizationOptions
-from semsfm_colmap.ingest.tilt import TiltPrior
-from semsfm_colmap.pipeline.mapping import map_observations
+from semsfm_colmap.mapping.parts import map_observations
+from semsfm_colmap.motion.prior import TiltPrior
 from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
 from semsfm_colmap.refinement.known_angles import angle_prior
 from semsfm_colmap.refinement.options import RefinementOptions

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 
-from semsfm_colmap.ingest.header import ImageHeader
+from semsfm_colmap.ingest.files.header import ImageHeader
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.scale import stored_pixel_size
 from semsfm_colmap.ingest.metadata.tags import FEI_HELIOS, FEI_SFEG, FEI_XML

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from semsfm_colmap.ingest.wording import one_line
+from semsfm_colmap.io.wording import one_line
 from semsfm_colmap.types import SemMetadata
 
 MAX_SENTENCE = 400

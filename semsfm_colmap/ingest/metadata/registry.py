@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semsfm_colmap.ingest.header import ImageHeader
+from semsfm_colmap.ingest.files.header import ImageHeader
 from semsfm_colmap.ingest.metadata import fei, jeol, tescan, zeiss
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.sidecar import read_sidecar
@@ -18,7 +18,7 @@ from semsfm_colmap.ingest.metadata.tags import (
     read_raw_tags,
 )
 from semsfm_colmap.ingest.metadata.text import decode
-from semsfm_colmap.ingest.wording import one_line
+from semsfm_colmap.io.wording import one_line
 
 EXPECTED = {
     "pixel_size_um": "pixel size",

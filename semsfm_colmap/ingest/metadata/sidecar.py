@@ -6,7 +6,7 @@ import os
 import stat
 from pathlib import Path
 
-from semsfm_colmap.ingest.header import ImageHeader
+from semsfm_colmap.ingest.files.header import ImageHeader
 from semsfm_colmap.ingest.metadata import hitachi, jeol, tescan
 from semsfm_colmap.ingest.metadata.reading import MetadataReading
 from semsfm_colmap.ingest.metadata.text import decode, read_sections

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from semsfm_colmap.ingest.files.tiff import open_tiff
 from semsfm_colmap.ingest.metadata.text import MAX_TEXT_BYTES
-from semsfm_colmap.ingest.tiff import open_tiff
 
 ZEISS = 34118
 FEI_SFEG = 34680

@@ -11,7 +11,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 
-from semsfm_colmap.ingest.header import ImageHeader
+from semsfm_colmap.ingest.files.header import ImageHeader
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.scale import stored_pixel_size
 from semsfm_colmap.ingest.metadata.text import (

@@ -9,7 +9,7 @@ import numpy as np
 
 from semsfm_colmap.geometry.normals import estimate_normals
 from semsfm_colmap.geometry.points import track_pointer
-from semsfm_colmap.geometry.tracks import keep_tracks
+from semsfm_colmap.geometry.subset import keep_tracks
 from semsfm_colmap.geometry.triangulation import triangulate_tracks, triangulation_angle
 from semsfm_colmap.matching.guided.align import (
     Templates,

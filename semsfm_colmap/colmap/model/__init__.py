@@ -1,0 +1,1 @@
+"""COLMAP's sparse model and what stands beside it: pinholes, sidecar, points.ply, colours."""

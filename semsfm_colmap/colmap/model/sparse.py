@@ -1,0 +1,260 @@
+"""COLMAP's sparse model: written from a `Reconstruction`, checked, and read back."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from semsfm_colmap.colmap.database.work import DatabaseImage
+from semsfm_colmap.colmap.library import pycolmap
+from semsfm_colmap.colmap.model.points_ply import FILE_NAME as POINTS_FILE_NAME
+from semsfm_colmap.colmap.model.points_ply import covariance_of, read_points_ply, write_points_ply
+from semsfm_colmap.colmap.model.sidecar import (
+    FILE_NAME,
+    cameras_from_sidecar,
+    depth_sign_from_sidecar,
+    read_sidecar,
+    sidecar_dict,
+)
+from semsfm_colmap.colmap.model.telecentric import (
+    pinhole_translations,
+    project_pinhole,
+    required_focal_length,
+)
+from semsfm_colmap.colmap.options import ExportOptions
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.types import Array, Float, Observations, Reconstruction
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenModel:
+    """What was written, and how far it is from parallel projection."""
+
+    path: Path
+    focal_length_px: float
+    max_deviation_px: float
+    mean_reprojection_error_px: float
+
+
+def model_deviation(model: Any, reconstruction: Reconstruction) -> float:
+    """Largest distance, over all inlier observations, between COLMAP's camera and ours.
+
+    Computed from the poses, the camera and the points as pycolmap holds them.
+    """
+    by_name = {image.name: image for image in model.images.values()}
+    R, T, f, c = [], [], [], []
+    for name in reconstruction.image_names:
+        image = by_name[name]
+        pose = np.asarray(image.cam_from_world().matrix())
+        camera = model.cameras[image.camera_id]
+        R.append(pose[:, :3])
+        T.append(pose[:, 3])
+        f.append((camera.focal_length_x, camera.focal_length_y))
+        c.append((camera.principal_point_x, camera.principal_point_y))
+    obs = reconstruction.observations.select(reconstruction.inlier)
+    X = reconstruction.points[obs.track_idx]
+    i = obs.image_idx
+    pinhole = project_pinhole(np.array(R)[i], np.array(T)[i], np.array(f)[i], np.array(c)[i], X)
+    ours = reconstruction.cameras.project(X, i)
+    return float(np.max(np.linalg.norm(pinhole - ours, axis=1), initial=0.0))
+
+
+def build_model(
+    reconstruction: Reconstruction,
+    database_images: dict[str, DatabaseImage],
+    keypoints: dict[str, Float],
+    focal_length_px: float,
+) -> Any:
+    """A pycolmap.Reconstruction with the telecentric pinhole; image ids are the database's."""
+    cameras = reconstruction.cameras
+    model = pycolmap.Reconstruction()
+    sizes = reconstruction.image_size_px
+    principal = sizes / 2.0
+    T = pinhole_translations(cameras, focal_length_px, principal)
+    camera_of_size: dict[tuple[int, int], int] = {}
+    for size in dict.fromkeys((int(w), int(h)) for w, h in sizes):
+        focal = [focal_length_px]
+        if cameras.aspect != 1.0:
+            focal.append(focal_length_px * cameras.aspect)
+        camera = pycolmap.Camera(
+            model="SIMPLE_PINHOLE" if len(focal) == 1 else "PINHOLE",
+            width=size[0],
+            height=size[1],
+            params=[*focal, size[0] / 2.0, size[1] / 2.0],
+            camera_id=len(camera_of_size) + 1,
+        )
+        model.add_camera_with_trivial_rig(camera)
+        camera_of_size[size] = camera.camera_id
+    obs = reconstruction.observations.select(reconstruction.inlier)
+    for i, name in enumerate(reconstruction.image_names):
+        image = pycolmap.Image(
+            name=name,
+            keypoints=np.asarray(keypoints[name], dtype=np.float64),
+            camera_id=camera_of_size[int(sizes[i, 0]), int(sizes[i, 1])],
+            image_id=database_images[name].image_id,
+        )
+        pose = pycolmap.Rigid3d(pycolmap.Rotation3d(np.array(cameras.cam_from_world[i])), T[i])
+        model.add_image_with_trivial_frame(image, pose)
+    image_id = np.array([database_images[n].image_id for n in reconstruction.image_names])
+    bounds = np.searchsorted(obs.track_idx, np.arange(len(reconstruction.points) + 1))
+    colors = reconstruction.point_color
+    grey = np.full(3, 128, dtype=np.uint8)
+    for j in range(len(reconstruction.points)):
+        rows = slice(bounds[j], bounds[j + 1])
+        track = pycolmap.Track()
+        for i, k in zip(obs.image_idx[rows], obs.keypoint_idx[rows], strict=True):
+            track.add_element(int(image_id[i]), int(k))
+        model.add_point3D(
+            np.array(reconstruction.points[j]), track, grey if colors is None else colors[j]
+        )
+    model.update_point_3d_errors()
+    return model
+
+
+def write_model(
+    reconstruction: Reconstruction,
+    path: Path,
+    database_images: dict[str, DatabaseImage],
+    keypoints: dict[str, Float],
+    options: ExportOptions,
+    *,
+    reliability: Mapping[str, Any] | None = None,
+) -> WrittenModel:
+    """Write the binary model, orthographic.json and points.ply into `path`, aside, then renamed.
+
+    The deviation from parallel projection is measured on what was written; a model that misses the
+    bound is an error, not a file. COLMAP has no camera with skew: there the deviation that is left
+    is only stated.
+    """
+    obs = reconstruction.observations.select(reconstruction.inlier)
+    principal = reconstruction.image_size_px / 2.0
+    focal = required_focal_length(
+        reconstruction.cameras,
+        reconstruction.points[obs.track_idx],
+        obs.image_idx,
+        principal,
+        reconstruction.image_size_px,
+        options.max_deviation_px,
+    )
+    model = build_model(reconstruction, database_images, keypoints, focal)
+    aside = path.with_name(f".{path.name}.part")
+    shutil.rmtree(aside, ignore_errors=True)
+    aside.mkdir(parents=True)
+    model.write_binary(str(aside))
+    deviation = model_deviation(pycolmap.Reconstruction(str(aside)), reconstruction)
+    if reconstruction.cameras.skew == 0.0 and deviation > 1.01 * options.max_deviation_px:
+        raise InputError(
+            f"the pinhole camera with f = {focal:.3g} px deviates by {deviation:.3g} px, more than "
+            f"the bound of {options.max_deviation_px} px: raise --export.max_deviation_px"
+        )
+    data = sidecar_dict(reconstruction, focal, deviation, reliability)
+    (aside / FILE_NAME).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    write_points_ply(reconstruction, aside / POINTS_FILE_NAME)
+    replace_folder(aside, path)
+    return WrittenModel(
+        path=path,
+        focal_length_px=focal,
+        max_deviation_px=deviation,
+        mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
+    )
+
+
+def replace_folder(aside: Path, path: Path) -> None:
+    """Put a finished folder in the place of an older one."""
+    old = path.with_name(f".{path.name}.old")
+    shutil.rmtree(old, ignore_errors=True)
+    if path.exists():
+        os.rename(path, old)
+    os.rename(aside, path)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def read_model(path: Path) -> Reconstruction:
+    """Read what `write_model` wrote: cameras from the sidecar, the rest from COLMAP's files.
+
+    The inliers of the model are its observations; what the mapping rejected is not in it.
+    """
+    if not (path / "points3D.bin").is_file() and not (path / "points3D.txt").is_file():
+        raise InputError(f"{path} holds no COLMAP model: run `semsfm map` first")
+    data = read_sidecar(path / FILE_NAME)
+    model = pycolmap.Reconstruction(str(path))
+    images = sorted(model.images.values(), key=lambda image: image.image_id)
+    order = {name: k for k, name in enumerate(data["images"])}
+    missing = [image.name for image in images if image.name not in order]
+    if missing:
+        raise InputError(
+            f"{path / FILE_NAME} does not know the image {missing[0]}: the model was changed by "
+            "another program; run `semsfm map` again"
+        )
+    images.sort(key=lambda image: order[image.name])
+    names = tuple(image.name for image in images)
+    number = {image.image_id: i for i, image in enumerate(images)}
+    xy_of = [np.asarray([p.xy for p in image.points2D]).reshape(-1, 2) for image in images]
+    rows: list[tuple[int, int, int]] = []
+    points, colors = [], []
+    for j, point_id in enumerate(sorted(model.points3D)):
+        point = model.points3D[point_id]
+        points.append(point.xyz)
+        colors.append(point.color)
+        rows += [
+            (j, number[e.image_id], e.point2D_idx)
+            for e in sorted(point.track.elements, key=lambda e: number[e.image_id])
+        ]
+    table: Array = np.array(rows, dtype=np.int64).reshape(-1, 3)
+    xy = np.array([xy_of[i][k] for _, i, k in rows]).reshape(-1, 2)
+    observations = Observations(
+        track_idx=table[:, 0],
+        image_idx=table[:, 1],
+        keypoint_idx=table[:, 2],
+        xy=xy,
+        num_images=len(names),
+        num_tracks=len(points),
+    )
+    sizes = np.array(
+        [(model.cameras[i.camera_id].width, model.cameras[i.camera_id].height) for i in images]
+    )
+    reconstruction = Reconstruction(
+        image_names=names,
+        image_size_px=sizes,
+        cameras=cameras_from_sidecar(data, names),
+        points=np.array(points).reshape(-1, 3),
+        observations=observations,
+        inlier=np.ones(len(rows), dtype=bool),
+        point_color=np.array(colors, dtype=np.uint8).reshape(-1, 3),
+        world_unit=data["world_unit"],
+        pixel_size_um=(data["pixel_size"] or {}).get("value"),
+        pixel_size_source=(data["pixel_size"] or {}).get("source", "none"),
+        camera_model=data["camera_model"],
+        depth_sign=depth_sign_from_sidecar(data),
+        gauge=data["gauge"],
+    )
+    entries = [data["images"][name] for name in names]
+    if all("sigma_rotation_deg" in e for e in entries) and entries:
+        reconstruction = replace(
+            reconstruction,
+            sigma_rotation_rad=np.deg2rad([e["sigma_rotation_deg"] for e in entries]),
+            sigma_translation_px=np.array([e["sigma_translation_px"] for e in entries]),
+            sigma_scale=np.array([e.get("sigma_scale_relative", np.nan) for e in entries]),
+        )
+    covariance = stored_covariance(path / POINTS_FILE_NAME, reconstruction.points)
+    return replace(reconstruction, point_covariance=covariance)
+
+
+def stored_covariance(path: Path, points: Float) -> Float | None:
+    """The points' covariances of points.ply, if it is there and of these very points."""
+    if not path.is_file():
+        return None
+    rows = read_points_ply(path)
+    if len(rows) != len(points) or not np.array_equal(
+        np.stack([rows[k] for k in "xyz"], 1), points
+    ):
+        return None
+    covariance = covariance_of(rows)
+    return None if np.isnan(covariance).all() else covariance

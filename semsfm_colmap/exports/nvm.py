@@ -1,0 +1,44 @@
+"""VisualSFM's NVM_V3.
+
+A camera line is ``name f qw qx qy qz Cx Cy Cz k 0`` with the rotation from world to camera and the
+camera's place C; a point line ``X Y Z R G B n (image keypoint x y) ...`` with measurements relative
+to the image centre. One focal length a camera, square pixels.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from semsfm_colmap.colmap.library import pycolmap
+from semsfm_colmap.exports.bundler import numbers, square_pixel_views
+from semsfm_colmap.exports.colmap_model import pinhole_summary
+from semsfm_colmap.exports.options import FormatOptions
+from semsfm_colmap.exports.scene import ExportScene, Summary
+
+
+def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
+    """model.nvm"""
+    views = square_pixel_views(scene, options, "nvm")
+    reconstruction = scene.reconstruction
+    lines = ["NVM_V3", "", str(len(scene.names))]
+    for i, name in enumerate(scene.names):
+        x, y, z, w = pycolmap.Rotation3d(np.array(views.cam_from_world[i])).quat
+        pose = np.array([views.focal_px[i, 0], w, x, y, z, *views.centers[i]])
+        lines.append(f"{name} {numbers(pose)} 0 0")
+    lines += ["", str(len(reconstruction.points))]
+    obs = reconstruction.observations.select(reconstruction.inlier)
+    centred = obs.xy - views.principal_point_px[obs.image_idx]
+    bounds = np.searchsorted(obs.track_idx, np.arange(len(reconstruction.points) + 1))
+    colors = reconstruction.point_color
+    for j, point in enumerate(reconstruction.points):
+        rows = range(bounds[j], bounds[j + 1])
+        color = (128, 128, 128) if colors is None else colors[j]
+        measured = [f"{obs.image_idx[o]} {obs.keypoint_idx[o]} {numbers(centred[o])}" for o in rows]
+        rgb = " ".join(str(int(c)) for c in color)
+        lines.append(" ".join([numbers(point), rgb, str(len(rows)), *measured]))
+    # a last section without PLY models ends the file
+    lines += ["", "0"]
+    (folder / "model.nvm").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return pinhole_summary(scene, views)

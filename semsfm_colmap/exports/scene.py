@@ -1,0 +1,113 @@
+"""What every exporter is handed: a model with its keypoints, images, depth maps and cloud."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from semsfm_colmap.colmap.model.rows import model_rows
+from semsfm_colmap.colmap.model.sidecar import FILE_NAME, read_sidecar
+from semsfm_colmap.colmap.model.sparse import read_model
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.exports.names import plain_names
+from semsfm_colmap.exports.options import FormatOptions
+from semsfm_colmap.types import Array, Float, PointCloud, Reconstruction
+
+Summary = dict[str, Any]
+"""What an exporter says about what it wrote; goes into export.json."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DenseView:
+    """One depth map with its local planes."""
+
+    image_idx: int
+    depth: Array
+    """(h, w) depth along the viewing direction, world units, nan where unknown"""
+    slope: Array
+    """(2, h, w) change of the depth along x and y, per px of the map"""
+    normal: Array
+    """(3, h, w) unit normals toward the viewer, camera frame"""
+    confidence: Array | None = None
+    """(h, w) 0..1"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExportScene:
+    """A sparse model and what lies beside it."""
+
+    reconstruction: Reconstruction
+    names: tuple[str, ...]
+    """Image names in the export, the project's own unless plain ones were asked for"""
+    image_ids: tuple[int, ...]
+    """COLMAP's image ids"""
+    keypoints: tuple[Float, ...]
+    """(K, 2) px of each image, all of them"""
+    focal_length_px: float
+    """The focal length of the project's own sparse model"""
+    image_path: Path
+    """Folder of the project's images"""
+    mask_path: Path | None = None
+    """Folder of masks in COLMAP's convention"""
+    database_path: Path | None = None
+    """The project's database"""
+    num_dense_views: int = 0
+    dense_views: Callable[[], Iterator[DenseView]] = lambda: iter(())
+    """The depth maps, one at a time"""
+    cloud: Callable[[], PointCloud] | None = None
+    """Oriented points with standard deviations"""
+    write_ply: Callable[[Path, PointCloud], None] | None = None
+
+    @property
+    def size_px(self) -> int:
+        """The longest side of an image."""
+        return int(self.reconstruction.image_size_px.max())
+
+    def copy_images(self, folder: Path) -> None:
+        """Copy the registered images under their names in the export."""
+        for source, name in zip(self.reconstruction.image_names, self.names, strict=True):
+            target = folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                shutil.copyfile(self.image_path / source, target)
+            except FileNotFoundError:
+                raise InputError(
+                    f"{self.image_path / source} is missing: the export needs the prepared images; "
+                    "run `semsfm extract` again"
+                ) from None
+
+    def copy_masks(self, folder: Path) -> int:
+        """Copy the masks as ``<name>.png``; returns how many there are."""
+        if self.mask_path is None:
+            return 0
+        count = 0
+        for source, name in zip(self.reconstruction.image_names, self.names, strict=True):
+            mask = self.mask_path / f"{source}.png"
+            if mask.is_file():
+                target = folder / f"{name}.png"
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(mask, target)
+                count += 1
+        return count
+
+
+def read_scene(
+    model_path: Path, image_path: Path, options: FormatOptions, mask_path: Path | None = None
+) -> ExportScene:
+    """Read a model that has its sidecar; depth maps and cloud are added by the caller."""
+    reconstruction = read_model(model_path)
+    sidecar = read_sidecar(model_path / FILE_NAME)
+    rows = model_rows(model_path)
+    names = reconstruction.image_names
+    return ExportScene(
+        reconstruction=reconstruction,
+        names=plain_names(names) if options.plain_names else names,
+        image_ids=tuple(rows[name].image_id for name in names),
+        keypoints=tuple(rows[name].keypoints for name in names),
+        focal_length_px=float(sidecar["telecentric"]["focal_length_px"]),
+        image_path=image_path,
+        mask_path=mask_path,
+    )

@@ -1,0 +1,71 @@
+"""One export: names checked, written aside, stated in export.json, put in place as a whole."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+from semsfm_colmap.colmap.model.sparse import replace_folder
+from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.exports.names import check_names
+from semsfm_colmap.exports.options import FormatOptions
+from semsfm_colmap.exports.registry import find_format
+from semsfm_colmap.exports.scene import ExportScene, Summary
+
+STATEMENT = "export.json"
+
+
+def export_scene(
+    scene: ExportScene, format_name: str, output_path: Path, options: FormatOptions
+) -> Summary:
+    """Write a scene in one format; an older export in the same place is replaced as a whole.
+
+    Returns
+    -------
+    what export.json says: format, numbers of images and points, and for pinhole formats the focal
+    length and ``max_deviation_px``, the largest distance to the parallel projection that was
+    reached over all observations
+
+    """
+    chosen = find_format(format_name)
+    check_names(scene.names, chosen.name_rule, format_name)
+    if len(scene.names) == 0:
+        raise InputError("the model has no registered image: map the series first")
+    check_place(output_path)
+    aside = output_path.with_name(f".{output_path.name}.part")
+    shutil.rmtree(aside, ignore_errors=True)
+    aside.mkdir(parents=True)
+    try:
+        summary = {"format": format_name, **chosen.writer()(scene, aside, options)}
+        renamed = scene.names != scene.reconstruction.image_names
+        if renamed:
+            _write_names(scene, aside / "names.csv")
+            if not chosen.copies_images:
+                scene.copy_images(aside / "images")
+        text = json.dumps(summary, indent=1, default=float)
+        (aside / STATEMENT).write_text(text + "\n", encoding="utf-8")
+        replace_folder(aside, output_path)
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+    return summary
+
+
+def check_place(output_path: Path) -> None:
+    """Refuse a place that holds anything but an export of ours."""
+    if output_path.is_file():
+        raise UsageError(f"{output_path} is a file: give a folder as --output_path")
+    occupied = output_path.is_dir() and any(output_path.iterdir())
+    if occupied and not (output_path / STATEMENT).is_file():
+        raise UsageError(
+            f"{output_path} holds files that `semsfm export` did not write: give another "
+            "--output_path, so that nothing is overwritten"
+        )
+
+
+def _write_names(scene: ExportScene, path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["export", "project"])
+        rows.writerows(zip(scene.names, scene.reconstruction.image_names, strict=True))

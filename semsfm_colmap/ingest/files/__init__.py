@@ -1,0 +1,1 @@
+"""Image files: found, their headers checked, their pixels read and written."""

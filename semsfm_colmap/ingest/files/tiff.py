@@ -1,0 +1,115 @@
+"""TIFF files: the page that holds the image, its header and its samples."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from semsfm_colmap.ingest.files.header import ImageHeader, UnreadableImageError
+from semsfm_colmap.types import Array
+
+MAX_CHANNELS = 16
+MAX_BITS = 64
+MAX_COMPRESSION = 20_000
+"""Deflate reaches 1032, LZW and run lengths less, JPEG and its like some thousands."""
+MAX_PAGES = 32
+"""Pages of a TIFF looked at to find the first full-size one."""
+
+
+def open_tiff(path: Path) -> Any:
+    """A tifffile.TiffFile that keeps its complaints about broken tags to itself."""
+    import tifffile
+
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)
+    return tifffile.TiffFile(path)
+
+
+def tiff_header(path: Path) -> ImageHeader:
+    """Size and depth of the first full-size page."""
+    with open_tiff(path) as tiff:
+        pages = []
+        for index in range(MAX_PAGES):
+            try:
+                pages.append(tiff.pages[index])
+            except IndexError:
+                break
+            except Exception:  # a damaged later page does not spoil the first one
+                if not pages:
+                    raise
+                break
+        if not pages:
+            raise UnreadableImageError("the TIFF holds no image.")
+        best = _full_size_page(pages)
+        page = pages[best]
+        return ImageHeader(
+            format="tiff",
+            width=int(page.imagewidth),
+            height=int(page.imagelength),
+            bits=int(page.bitspersample),
+            channels=int(page.samplesperpixel),
+            page=best,
+            num_pages=len(pages),
+            orientation=_tiff_orientation(page),
+        )
+
+
+def _tiff_orientation(page: Any) -> int:
+    tag = page.tags.get(274)
+    value = int(tag.value) if tag is not None and isinstance(tag.value, int) else 1
+    return value if 1 <= value <= 8 else 1
+
+
+def _full_size_page(pages: list[Any]) -> int:
+    """The first page that is neither marked as reduced nor smaller than another one."""
+    area = [
+        0 if page.is_reduced else int(page.imagewidth) * int(page.imagelength) for page in pages
+    ]
+    return int(np.argmax(area))
+
+
+def decode_tiff(path: Path, header: ImageHeader) -> Array:
+    """Samples (H, W) or (H, W, C) of the page that `header` describes, 0 = black."""
+    with open_tiff(path) as tiff:
+        page = tiff.pages[header.page]
+        if int(page.imagedepth) != 1:
+            raise UnreadableImageError("the TIFF holds a volume, not an image.")
+        _check_amount(page, header)
+        array = np.asarray(page.asarray(maxworkers=1))
+        if array.ndim == 3 and int(page.planarconfig) == 2:
+            array = np.moveaxis(array, 0, -1)
+        photometric = int(page.photometric)
+        if photometric == 3 and page.colormap is not None:
+            return _apply_palette(array, np.asarray(page.colormap))
+        if array.dtype == np.bool_:
+            array = array.astype(np.uint8) * 255
+        if photometric == 0 and array.dtype.kind == "u":
+            array = np.iinfo(array.dtype).max - array
+        return array
+
+
+def _check_amount(page: Any, header: ImageHeader) -> None:
+    """Refuse a page that promises more pixels than its data can hold, before memory is taken."""
+    if header.channels > MAX_CHANNELS or header.bits > MAX_BITS:
+        raise UnreadableImageError(
+            f"{header.channels} channels of {header.bits} bits are not an image."
+        )
+    stored = int(sum(page.databytecounts))
+    if stored == 0:
+        raise UnreadableImageError("the TIFF holds no pixels.")
+    needed = header.width * header.height * header.channels * header.bits / 8
+    uncompressed = int(page.compression) == 1
+    if stored * (1 if uncompressed else MAX_COMPRESSION) < needed:
+        raise UnreadableImageError(
+            f"{stored} bytes cannot hold {header.width} x {header.height} pixels; the file is "
+            "damaged or truncated."
+        )
+
+
+def _apply_palette(index: Array, colormap: Array) -> Array:
+    """Colours (3, 2^bits) of 16 bits looked up and reduced to 8."""
+    if colormap.ndim != 2 or index.max(initial=0) >= colormap.shape[1]:
+        raise UnreadableImageError("the TIFF's palette is shorter than its pixel values.")
+    return np.asarray((colormap.astype(np.uint16) >> 8).astype(np.uint8).T[index])

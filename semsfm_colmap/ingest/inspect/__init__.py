@@ -1,0 +1,1 @@
+"""A look at a series without preparing it: rows, neighbours, a verdict."""

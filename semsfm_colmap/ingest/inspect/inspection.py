@@ -1,0 +1,261 @@
+"""Look at a series without preparing it: a row per image, and a verdict on the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import degrees
+from pathlib import Path
+
+import numpy as np
+
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.ingest.files.convert import to_grey8
+from semsfm_colmap.ingest.files.header import ImageHeader, UnreadableImageError
+from semsfm_colmap.ingest.files.listing import find_images
+from semsfm_colmap.ingest.files.raster import read_header
+from semsfm_colmap.ingest.frame.quality import FrameQuality, judge, measure
+from semsfm_colmap.ingest.frame.scan import (
+    SourceImage,
+    check_content,
+    check_copy,
+    choose_crops,
+    scan_image,
+)
+from semsfm_colmap.ingest.inspect.neighbours import drifted, misplaced, strangers
+from semsfm_colmap.ingest.inspect.overlap import (
+    Overlap,
+    ReducedFeatures,
+    chain,
+    find_overlap,
+    reduced_features,
+)
+from semsfm_colmap.ingest.inspect.verdict import Answer, answer_all
+from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
+from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.series.checks import check_options, no_images_message
+from semsfm_colmap.ingest.series.overrides import apply_scale_bar, apply_table
+from semsfm_colmap.ingest.series.table import read_series_table
+
+
+@dataclass(frozen=True, kw_only=True)
+class InspectionRow:
+    """What is known about one file; None where it is not recorded."""
+
+    name: str
+    width: int | None = None
+    height: int | None = None
+    bits: int | None = None
+    pixel_size_um: float | None = None
+    pixel_size_source: str | None = None
+    tilt_deg: float | None = None
+    stage_rotation_deg: float | None = None
+    scan_rotation_deg: float | None = None
+    working_distance_um: float | None = None
+    beam_energy_kev: float | None = None
+    magnification: float | None = None
+    instrument: str | None = None
+    detector: str | None = None
+    tilt_corrected: bool | None = None
+    displacement_um: float | None = None
+    """Only in the text: the fields of the JSON and CSV files are fixed."""
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inspection:
+    """Rows in natural order of the names, answers about the series, and other remarks."""
+
+    rows: tuple[InspectionRow, ...]
+    answers: tuple[Answer, ...]
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Look:
+    """One usable image with what was measured on its pixels."""
+
+    image: SourceImage
+    quality: FrameQuality
+    features: ReducedFeatures
+
+
+def inspect_images(
+    image_path: Path,
+    options: IngestOptions,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Inspection:
+    """Read every image below `image_path`, compare neighbours, judge the series."""
+    image_path = Path(image_path)
+    check_options(options)
+    found = find_images(image_path)
+    if not found.names:
+        raise InputError(no_images_message(image_path, found.warnings))
+    rows: dict[str, InspectionRow] = {}
+    looks: list[_Look] = []
+    seen: dict[bytes, str] = {}
+    for count, name in enumerate(found.names):
+        try:
+            looks.append(_look_at(image_path / name, name, options, seen))
+        except UnreadableImageError as error:
+            rows[name] = _unusable_row(image_path / name, name, str(error), options)
+        if progress:
+            progress(count + 1, len(found.names))
+    remarks = list(found.warnings)
+    kept, problems = _settle(looks, options)
+    for name in {look.image.name for look in looks} - {look.image.name for look in kept}:
+        why = next(problem for problem in problems if problem.startswith(f"{name}: "))
+        problems.remove(why)
+        reason = why.removeprefix(f"{name}: ").removesuffix(" Left out.")
+        rows[name] = _unusable_row(image_path / name, name, reason, options)
+    looks, remarks = kept, remarks + problems
+    overlaps = chain([look.features for look in looks])
+    notes = _notes(looks, overlaps)
+    for look in looks:
+        rows[look.image.name] = _row(look.image, options, notes[look.image.name])
+    used = [rows[look.image.name] for look in looks]
+    answers = answer_all(
+        names=[row.name for row in used],
+        side_px=[_side(look.image) for look in looks],
+        tilt_deg=[row.tilt_deg for row in used],
+        pixel_size_um=[row.pixel_size_um for row in used],
+        overlaps=overlaps,
+        far_overlaps=_far_overlaps([look.features for look in looks]),
+    )
+    return Inspection(
+        rows=tuple(rows[name] for name in found.names if name in rows),
+        answers=(*answers, _flagged(used)),
+        remarks=tuple(remarks),
+    )
+
+
+def _look_at(path: Path, name: str, options: IngestOptions, seen: dict[bytes, str]) -> _Look:
+    image, raw = scan_image(path, name, options)
+    check_copy(raw, name, seen)
+    x0, y0, x1, y1 = options.crop or image.crop
+    cropped = raw.pixels[y0:y1, x0:x1]
+    if cropped.size:
+        check_content(cropped)
+    grey, _ = to_grey8(cropped if cropped.size else raw.pixels, options.range_percentiles)
+    grey = np.asarray(grey)
+    return _Look(image=image, quality=measure(grey), features=reduced_features(grey))
+
+
+def _settle(looks: list[_Look], options: IngestOptions) -> tuple[list[_Look], list[str]]:
+    """Apply table, scale bar and the common crop, as `prepare_series` does."""
+    images, problems = choose_crops([look.image for look in looks], options)
+    images = [apply_scale_bar(image, options.scale_bar_um) for image in images]
+    if options.series_csv and images:
+        images, more = apply_table(images, read_series_table(options.series_csv))
+        problems += more
+    by_name = {image.name: image for image in images}
+    kept = [
+        replace(look, image=by_name[look.image.name])
+        for look in looks
+        if look.image.name in by_name
+    ]
+    return kept, problems
+
+
+def _notes(looks: list[_Look], overlaps: list[Overlap]) -> dict[str, list[str]]:
+    """Remarks per frame from comparing it with the others."""
+    names = [look.image.name for look in looks]
+    notes: dict[str, list[str]] = {name: [] for name in names}
+    features = [look.features for look in looks]
+    foreign = strangers(names, features, overlaps)
+    for name in foreign:
+        notes[name].append("shares no features with its neighbours: another specimen or view?")
+    if any(overlap.overlapping for overlap in overlaps):  # else they are no neighbours
+        familiar = [look for look in looks if look.image.name not in foreign]
+        for look, said in zip(familiar, judge([x.quality for x in familiar]), strict=True):
+            notes[look.image.name] += said
+    astray = misplaced(names, features, overlaps)
+    for name in astray:
+        notes[name].append("out of order: its neighbours are closer to one another than to it")
+    for name, note in drifted(names, [_side(look.image) for look in looks], overlaps).items():
+        if name not in astray:  # else it is sheared by its other angle
+            notes[name].append(note)
+    for look in looks:
+        if not look.image.reading.vendor and look.image.reading.metadata.pixel_size_um is None:
+            notes[look.image.name].append("no microscope header")
+    return notes
+
+
+def _far_overlaps(features: list[ReducedFeatures]) -> list[Overlap]:
+    """Overlaps over longer distances, where more parallax shows."""
+    count = len(features)
+    distances = sorted({d for d in (2, 4, count // 4, count // 2) if 1 < d < count})
+    return [find_overlap(features[0], features[d]) for d in distances]
+
+
+def _flagged(rows: list[InspectionRow]) -> Answer:
+    words = ("blurred", "charged", "drifted", "moved", "out of order", "brightness", "shares no")
+    flagged = [row for row in rows if any(w.startswith(words) for w in row.warnings)]
+    if not rows:
+        return Answer(question="frames in order", answer="unknown", reason="no image is usable")
+    if not flagged:
+        return Answer(question="frames in order", answer="yes", reason="none looks charged, "
+                      "blurred or drifted")  # fmt: skip
+    said = [
+        f"{row.name} ({next(w for w in row.warnings if w.startswith(words))})"
+        for row in flagged[:5]
+    ]
+    more = f" and {len(flagged) - 5} more" if len(flagged) > 5 else ""
+    return Answer(question="frames in order", answer="no", reason="; ".join(said) + more)
+
+
+def _side(image: SourceImage) -> float:
+    return float(max(image.crop[2] - image.crop[0], image.crop[3] - image.crop[1]))
+
+
+def _row(image: SourceImage, options: IngestOptions, notes: list[str]) -> InspectionRow:
+    row = _metadata_row(image.name, image.header, image.reading, options)
+    return replace(
+        row,
+        width=image.size[0],
+        height=image.size[1],
+        warnings=(*image.warnings, *notes),
+    )
+
+
+def _unusable_row(path: Path, name: str, reason: str, options: IngestOptions) -> InspectionRow:
+    """The row of a file whose pixels cannot be used: its header may still be read."""
+    try:
+        header = read_header(path, options.max_image_pixels)
+        reading = read_metadata(path, header)
+    except InputError:
+        return InspectionRow(name=name, warnings=(reason,))
+    row = _metadata_row(name, header, reading, options)
+    return replace(row, warnings=(reason, *reading.warnings))
+
+
+def _metadata_row(
+    name: str, header: ImageHeader, reading: MetadataReading, options: IngestOptions
+) -> InspectionRow:
+    known = reading.metadata
+    size, source = known.pixel_size_um, known.source.get("pixel_size_um")
+    if options.pixel_size_um is not None:
+        size, source = options.pixel_size_um, "option pixel_size_um"
+
+    def in_degrees(value: float | None) -> float | None:
+        return None if value is None else degrees(value)
+
+    return InspectionRow(
+        name=name,
+        width=header.width,
+        height=header.height,
+        bits=header.bits,
+        pixel_size_um=size,
+        pixel_size_source=source,
+        tilt_deg=in_degrees(known.tilt_rad),
+        stage_rotation_deg=in_degrees(known.stage_rotation_rad),
+        scan_rotation_deg=in_degrees(known.scan_rotation_rad),
+        working_distance_um=known.working_distance_um,
+        beam_energy_kev=known.beam_energy_kev,
+        magnification=known.magnification,
+        instrument=known.instrument,
+        detector=known.detector,
+        tilt_corrected=known.tilt_corrected,
+        displacement_um=known.displacement_um,
+    )

@@ -1,0 +1,1 @@
+"""What of each frame is specimen: given masks, writing, background, what does not move."""

@@ -1,0 +1,130 @@
+"""What the stage refuses, and what it points out about a whole series, in one sentence each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.ingest.files.listing import IMAGE_SUFFIXES
+from semsfm_colmap.ingest.frame.scan import check_crop
+from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.series.tilt import parse_axis
+from semsfm_colmap.io.wording import abbreviate
+from semsfm_colmap.types import SemFrame
+
+MIN_IMAGES = 3
+"""Two orthographic views leave a one-parameter family of shapes [Koenderink, van Doorn 1991]."""
+SAME_ANGLE_RAD = math.radians(0.1)
+
+
+def check_options(options: IngestOptions) -> None:
+    """Refuse values that no series can have."""
+    for name, um in (
+        ("pixel_size_um", options.pixel_size_um),
+        ("scale_bar_um", options.scale_bar_um),
+    ):
+        if um is not None and not (math.isfinite(um) and um > 0):
+            raise UsageError(f"{name} = {um} but expected a positive number of micrometres.")
+    if options.crop is not None:
+        check_crop(options.crop)
+    low, high = options.range_percentiles
+    if not 0 <= low < high <= 100:
+        raise UsageError(
+            f"range_percentiles = {low} {high} but expected two increasing numbers in 0 to 100."
+        )
+    if options.max_image_pixels < 1:
+        raise UsageError(
+            f"max_image_pixels = {options.max_image_pixels} but expected a positive number."
+        )
+    if not 0 < options.flat_field_scale <= 1:
+        raise UsageError(
+            f"flat_field_scale = {options.flat_field_scale} but expected a number in 0 to 1."
+        )
+    if not 0 <= options.local_contrast <= 40:
+        raise UsageError(
+            f"local_contrast = {options.local_contrast} but expected a clip limit in 0 to 40."
+        )
+    parse_axis(options.tilt_axis)
+    sigma = options.tilt_sigma_deg
+    if sigma is not None and not (math.isfinite(sigma) and sigma > 0):
+        raise UsageError(f"tilt_sigma_deg = {sigma} but expected a positive number.")
+    step = options.tilt_step_deg
+    if step is not None and not 0 < abs(step) < 90:
+        raise UsageError(f"tilt_step_deg = {step} but expected degrees between two images.")
+
+
+def check_paths(image_path: Path, project_path: Path) -> None:
+    """Refuse to write over the originals."""
+    if image_path.resolve() in (
+        (project_path / "images").resolve(),
+        (project_path / "masks").resolve(),
+    ):
+        raise UsageError(
+            f"{image_path} is where the prepared images are written; give another output_path, "
+            "or move the originals elsewhere."
+        )
+
+
+def no_images_message(image_path: Path, problems: Sequence[str]) -> str:
+    """The sentence for a folder without a single image."""
+    said = f" ({problems[0]})" if problems else ""
+    return (
+        f"no images in {image_path}{said}; files ending in {', '.join(IMAGE_SUFFIXES)} are "
+        "looked for."
+    )
+
+
+def check_enough(usable: int, found: int, image_path: Path, problems: Sequence[str]) -> None:
+    """Refuse fewer than three usable images, saying what became of the others."""
+    if usable >= MIN_IMAGES:
+        return
+    lost = f" of {found}" if found != usable else ""
+    said = f" ({problems[0]})" if found != usable and problems else ""
+    if usable == 0:
+        raise InputError(f"none of the {found} images in {image_path} can be used{said}.")
+    images = "images" if usable > 1 or lost else "image"
+    raise InputError(
+        f"only {usable}{lost} {images} in {image_path} can be used{said}: "
+        "two parallel projections leave a one-parameter family of shapes, so at least three views "
+        "are needed."
+    )
+
+
+def frame_warnings(frames: Sequence[SemFrame]) -> list[str]:
+    """What is odd about single images; what many share is said once."""
+    names: dict[str, list[str]] = {}
+    for frame in frames:
+        for warning in frame.warnings:
+            names.setdefault(warning, []).append(frame.name)
+    return [f"{abbreviate(who)}: {warning}." for warning, who in names.items()]
+
+
+def series_warnings(frames: Sequence[SemFrame]) -> list[str]:
+    """What only the whole series shows: settings that changed, names that tools stumble over."""
+    warnings = []
+    corrected = [f.name for f in frames if f.metadata.tilt_corrected]
+    if corrected and len(corrected) < len(frames):
+        warnings.append(
+            f"{abbreviate(corrected)}: tilt correction was on here but not in the other images."
+        )
+    rotations = {f.name: f.metadata.scan_rotation_rad for f in frames}
+    known = [angle for angle in rotations.values() if angle is not None]
+    if known and max(known) - min(known) > SAME_ANGLE_RAD:
+        warnings.append(
+            f"the scan rotation changes within the series (from {math.degrees(min(known)):.1f} to "
+            f"{math.degrees(max(known)):.1f} degrees), which turns the images in their plane."
+        )
+    elif known and abs(known[0]) > SAME_ANGLE_RAD:
+        warnings.append(
+            f"the scan is rotated by {math.degrees(known[0]):.1f} degrees, and with it the tilt "
+            "axis in the images."
+        )
+    spaced = [f.name for f in frames if " " in f.name]
+    if spaced:
+        warnings.append(
+            f"{abbreviate(spaced)}: the name has spaces, which COLMAP's text format cannot hold; "
+            "its binary format can."
+        )
+    return warnings

@@ -1,0 +1,68 @@
+"""Known tilts of a prepared series, from the files, a table or a nominal step, as a prior."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from semsfm_colmap.errors import UsageError
+from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.motion.prior import MIN_RANGE_DEG, TiltPrior
+from semsfm_colmap.types import SemSeries
+
+SIGMA_TABLE_DEG = 0.2
+SIGMA_STAGE_DEG = 0.5
+"""Repeatability of SEM stages, with backlash; data sheets say 0.1 to 0.5."""
+SIGMA_STEP_PART = 0.1
+
+
+def tilt_prior(series: SemSeries, options: IngestOptions) -> TiltPrior | None:
+    """The prior of a prepared series, or None if no tilt is known or it does not vary.
+
+    Where only the axis is known, the prior holds no angles.
+    """
+    axis = parse_axis(options.tilt_axis)
+    angles = np.array(
+        [np.nan if f.metadata.tilt_rad is None else f.metadata.tilt_rad for f in series.frames]
+    )
+    sources = {f.metadata.source.get("tilt_rad", "") for f in series.frames}
+    from_table = any(source.startswith("table ") for source in sources)
+    known = np.isfinite(angles)
+    if known.sum() >= 2 and np.ptp(angles[known]) >= math.radians(MIN_RANGE_DEG):
+        default = SIGMA_TABLE_DEG if from_table else SIGMA_STAGE_DEG
+        source = "; ".join(sorted(s for s in sources if s))
+    elif options.tilt_step_deg is not None:
+        angles = math.radians(options.tilt_step_deg) * np.arange(len(series.frames), dtype=float)
+        default = SIGMA_STEP_PART * abs(options.tilt_step_deg)
+        source = "option tilt_step_deg"
+    elif axis is not None:
+        angles, default, source = np.full(len(series.frames), np.nan), SIGMA_STAGE_DEG, "none"
+    else:
+        return None
+    sigma_deg = options.tilt_sigma_deg if options.tilt_sigma_deg is not None else default
+    if not (math.isfinite(sigma_deg) and sigma_deg > 0):
+        raise UsageError(f"tilt_sigma_deg = {sigma_deg} but expected a positive number.")
+    return TiltPrior(
+        image_names=series.names,
+        angle_rad=angles,
+        sigma_rad=np.full(len(angles), math.radians(sigma_deg)),
+        axis_image_rad=axis,
+        source=source,
+    )
+
+
+def parse_axis(text: str) -> float | None:
+    """``auto`` -> None, ``x`` -> 0, ``y`` -> pi / 2, a number of degrees -> radians."""
+    word = text.strip().lower()
+    if word in ("auto", ""):
+        return None
+    if word in ("x", "y"):
+        return 0.0 if word == "x" else math.pi / 2
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise UsageError(f"tilt_axis = {text!r} but expected auto, x, y or degrees.")
+    return math.radians(value)

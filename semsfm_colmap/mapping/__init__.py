@@ -1,0 +1,1 @@
+"""Observations to reconstructions: factorization, refinement, guided pass, hand, world. Pure."""

@@ -1,0 +1,1 @@
+"""How the specimen turned: one axis, known tilts as a prior, known against seen."""

@@ -1,0 +1,1 @@
+"""One module a stage: load what the one before left, call, save; nothing else."""

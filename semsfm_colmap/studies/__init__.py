@@ -1,0 +1,1 @@
+"""Studies of the method on a series, beside the pipeline."""

@@ -1,0 +1,1 @@
+"""Depth maps to one cloud: what they agree on."""

@@ -1,0 +1,1 @@
+"""Triangles from an oriented cloud: ball pivoting, repair, pictures of them."""

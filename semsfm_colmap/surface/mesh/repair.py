@@ -1,0 +1,128 @@
+"""Make a triangle soup an oriented manifold: no duplicate faces, no branching edges, few holes.
+
+The steps of `repair` in their order: drop faces without area, turn faces outside, cut where more
+than two faces meet, drop fins and crumbs, fill holes. What the words mean is in `halfedges.py`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from semsfm_colmap.surface.mesh.halfedges import (
+    component_labels,
+    directed_keys,
+    opposite_halfedge,
+    vertex_fans,
+)
+from semsfm_colmap.surface.mesh.holes import fill_holes
+from semsfm_colmap.types import Array, Float, Int
+
+
+def repair(
+    vertices: Float,
+    faces: Int,
+    *,
+    cloud_normals: Float,
+    min_component_fraction: float,
+    max_hole_edges: int,
+) -> Int:
+    """Clean faces over the same vertices: oriented, edge-manifold, without crumbs and small holes.
+
+    Parameters
+    ----------
+    vertices : (V, 3)
+    faces : (F, 3)
+    cloud_normals : (V, 3) that point outside
+    min_component_fraction : of the faces of the largest component
+    max_hole_edges : holes with longer boundaries stay open
+
+    """
+    faces = drop_degenerate(vertices, faces)
+    faces = face_outside(vertices, faces, cloud_normals)
+    faces = drop_branches(vertices, faces)
+    faces = drop_fins(faces)
+    faces = drop_small_components(faces, min_component_fraction)
+    if max_hole_edges > 0:
+        faces = fill_holes(vertices, faces, cloud_normals, max_hole_edges)
+    return faces
+
+
+def drop_degenerate(vertices: Float, faces: Int) -> Int:
+    """Without faces that repeat a vertex or another face, or have no area."""
+    a, b, c = faces.T
+    keep = (a != b) & (b != c) & (c != a)
+    keep &= np.linalg.norm(face_normals(vertices, faces), axis=1) > 0
+    faces = faces[keep]
+    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    return np.asarray(faces[np.sort(first)])
+
+
+def face_normals(vertices: Float, faces: Int) -> Float:
+    """(F, 3) normals with twice the area as their length."""
+    corner = vertices[faces]
+    return np.asarray(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]))
+
+
+def vertex_normals(vertices: Float, faces: Int) -> Float:
+    """(V, 3) unit means of the adjacent face normals, weighted with area."""
+    total = np.zeros_like(vertices, dtype=np.float64)
+    normal = face_normals(vertices, faces)
+    for k in range(3):
+        for axis in range(3):
+            total[:, axis] += np.bincount(
+                faces[:, k], weights=normal[:, axis], minlength=len(vertices)
+            )
+    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))
+
+
+def face_outside(vertices: Float, faces: Int, normals: Float) -> Int:
+    """Turn each face so that its normal agrees with the mean normal of its vertices."""
+    inside = np.einsum("fi,fki->f", face_normals(vertices, faces), normals[faces]) < 0
+    return np.where(inside[:, None], faces[:, ::-1], faces)
+
+
+def drop_branches(vertices: Float, faces: Int) -> Int:
+    """Remove the longest-edged faces until every directed edge occurs once."""
+    while len(faces):
+        length = _longest_edge(vertices, faces)
+        key = directed_keys(faces, len(vertices))
+        face_idx = np.repeat(np.arange(len(faces)), 3)
+        order = np.lexsort((length[face_idx], key))
+        repeated = np.flatnonzero(key[order][1:] == key[order][:-1]) + 1
+        if len(repeated) == 0:
+            break
+        keep = np.ones(len(faces), dtype=bool)
+        keep[face_idx[order[repeated]]] = False
+        faces = faces[keep]
+    return faces
+
+
+def drop_fins(faces: Int, num_rounds: int = 2) -> Int:
+    """Remove faces that hang on by one edge or by vertices only, which fray the boundary."""
+    for _ in range(num_rounds):
+        free = (opposite_halfedge(faces) < 0).reshape(-1, 3).sum(axis=1)
+        if not (free >= 2).any():
+            break
+        faces = faces[free < 2]
+    return faces
+
+
+def drop_small_components(faces: Int, min_fraction: float) -> Int:
+    """Remove pieces, joined over edges, with fewer faces than a share of the largest piece."""
+    if len(faces) == 0:
+        return faces
+    label = component_labels(faces)
+    size = np.bincount(label)
+    return np.asarray(faces[size[label] >= min_fraction * size.max()])
+
+
+def compact(vertices: Float, faces: Int, colors: Array | None) -> tuple[Float, Int, Array | None]:
+    """Drop unused vertices and give each fan of faces around a vertex a vertex of its own."""
+    fan, source = vertex_fans(faces)
+    return vertices[source], fan, None if colors is None else colors[source]
+
+
+def _longest_edge(vertices: Float, faces: Int) -> Float:
+    corner = vertices[faces]
+    edge = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2)
+    return np.asarray(edge.max(axis=1))

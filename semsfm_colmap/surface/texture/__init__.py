@@ -1,0 +1,1 @@
+"""A texture atlas and the images that fill it."""

@@ -1,0 +1,229 @@
+"""A texture for a mesh: an atlas, and for each texel the images that see it best.
+
+Under parallel projection a triangle maps affinely into each image, so a texel's place follows from
+its corners' by barycentric interpolation. An image counts at a vertex when no surface hides it
+(one ray), with a weight that falls off quickly from the most frontal image on: few images mix,
+details stay sharp, and since the weights are continuous over the mesh there are no seams. SEM
+images differ in contrast and brightness; one gain per image, fitted to the greys of shared
+vertices, takes the differences out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from semsfm_colmap.errors import UsageError
+from semsfm_colmap.io.open3d_library import import_open3d
+from semsfm_colmap.surface.mesh.repair import vertex_normals
+from semsfm_colmap.surface.options import SurfaceOptions
+from semsfm_colmap.surface.stereo.rasters import read_raster
+from semsfm_colmap.types import Array, Float, Reconstruction, TriangleMesh
+
+_MIN_COSINE = 0.2
+"""Images that see a vertex at a steeper slant than 78 degrees do not count."""
+_SHARPNESS = 12
+"""Weight ``(cos / best cos)^12``: half at an image 19 degrees off a frontal one."""
+_RAY_START_PX = 2.0
+"""Rays start this far above the surface, so that its own noise does not hide it."""
+_NUM_GAIN_ROUNDS = 8
+_BORDER_TEXELS = 2.0
+"""Width of the border around each chart; the packer keeps charts twice as far apart."""
+
+
+def texture_mesh(
+    mesh: TriangleMesh,
+    reconstruction: Reconstruction,
+    image_path: Path | str,
+    options: SurfaceOptions,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> TriangleMesh:
+    """Reduce a mesh to `options.max_texture_faces` faces and texture it from the images.
+
+    Parameters
+    ----------
+    mesh : F >= 1 faces, facing outside
+    reconstruction : the cameras
+    image_path : folder of the prepared images
+    options : number of faces, size of the texture
+    progress : called after each image
+
+    Returns
+    -------
+    TriangleMesh with ``uv (F, 3, 2)`` and ``texture (H, W, 3)``; texels that no image sees take
+    the vertex colours
+
+    """
+    from semsfm_colmap.surface.texture.texture_kernels import add_image, rasterize
+
+    if len(mesh.faces) == 0:
+        raise UsageError("mesh has no faces: there is nothing to texture.")
+    mesh = simplify(mesh, options.max_texture_faces)
+    unit = 1.0 / float(np.median(reconstruction.cameras.scale_px_per_unit))
+    uv, size = _atlas(mesh, unit, options.max_texture_size_px)
+    texels = uv * size
+    texels[..., 1] = size - texels[..., 1]
+    face, bary = rasterize(texels, size, size, _BORDER_TEXELS)
+
+    weight = view_weights(mesh, reconstruction, _RAY_START_PX * unit)
+    gain = _gains(mesh, weight, reconstruction, Path(image_path))
+    total = np.zeros((size, size), dtype=np.float32)
+    norm = np.zeros((size, size), dtype=np.float32)
+    corners = np.ascontiguousarray(mesh.faces)
+    for i in range(reconstruction.num_images):
+        grey = _grey(reconstruction, Path(image_path), i) * np.float32(gain[i])
+        xy = _project(mesh, reconstruction, i).astype(np.float32)
+        add_image(face, bary, corners, xy, weight[i], grey, total, norm)
+        if progress is not None:
+            progress(i + 1, reconstruction.num_images)
+    seen = norm > 0
+    picture = np.where(seen, total / np.maximum(norm, 1e-20), 0.0)
+    unseen = (face >= 0) & ~seen
+    picture[unseen] = _vertex_grey(mesh, face[unseen], bary[unseen])
+    picture[face < 0] = np.median(picture[seen]) if seen.any() else 128.0
+    grey8 = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    return replace(mesh, uv=uv, texture=np.repeat(grey8[..., None], 3, axis=2))
+
+
+def simplify(mesh: TriangleMesh, max_faces: int) -> TriangleMesh:
+    """Quadric decimation (Garland and Heckbert 1997) when there are more than `max_faces` faces."""
+    if len(mesh.faces) <= max_faces:
+        return mesh
+    from scipy.spatial import cKDTree
+
+    o3d = import_open3d()
+    full = o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(np.array(mesh.vertices, dtype=float)),
+        o3d.utility.Vector3iVector(np.array(mesh.faces, dtype=np.int32)),
+    )
+    small = full.simplify_quadric_decimation(max_faces)
+    small.remove_degenerate_triangles()
+    small.remove_unreferenced_vertices()
+    vertices = np.array(small.vertices)
+    faces = np.asarray(small.triangles).astype(np.int64)
+    colors = None
+    if mesh.vertex_colors is not None:
+        colors = mesh.vertex_colors[cKDTree(mesh.vertices).query(vertices)[1]]
+    return TriangleMesh(
+        vertices=vertices,
+        faces=faces,
+        vertex_normals=vertex_normals(vertices, faces),
+        vertex_colors=colors,
+    )
+
+
+def view_weights(mesh: TriangleMesh, reconstruction: Reconstruction, start: float) -> Array:
+    """How much each image counts at each vertex: (M, V) float32.
+
+    Zero where the vertex is outside the image, hidden, or seen at a grazing angle; else
+    ``(cos / best cos)^12`` with the cosine of the angle between normal and viewing direction.
+    """
+    o3d = import_open3d()
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
+    normals = vertex_normals(mesh.vertices, mesh.faces)
+    direction = reconstruction.cameras.viewing_direction
+    cosine = np.zeros((reconstruction.num_images, len(mesh.vertices)), dtype=np.float32)
+    for i in range(reconstruction.num_images):
+        towards = -normals @ direction[i]
+        xy = _project(mesh, reconstruction, i)
+        inside = ((xy > 1.0) & (xy < reconstruction.image_size_px[i] - 1.0)).all(axis=1)
+        idx = np.flatnonzero(inside & (towards > _MIN_COSINE))
+        origin = mesh.vertices[idx] + start * (normals[idx] - direction[i])
+        rays = np.column_stack([origin, np.broadcast_to(-direction[i], origin.shape)])
+        hidden = scene.test_occlusions(o3d.core.Tensor(rays.astype(np.float32))).numpy()
+        cosine[i, idx[~hidden]] = towards[idx[~hidden]]
+    best = np.maximum(cosine.max(axis=0), 1e-6)
+    weight = (cosine / best) ** _SHARPNESS
+    weight[weight < 0.02] = 0.0
+    return np.asarray(weight, dtype=np.float32)
+
+
+def balance_gains(grey: Float, weight: Array) -> Float:
+    """One gain per image so that images agree where they see the same: (M, V), (M, V) -> (M,).
+
+    Minimises ``sum w_iv (g_i I_iv - T_v)^2`` over the gains and the common greys T in turn, with
+    the mean logarithm of the gains fixed at 0. An image without any weight keeps the gain 1.
+    """
+    gain = np.ones(len(grey))
+    used = weight.sum(axis=1) > 0
+    if not used.any():
+        return gain
+    for _ in range(_NUM_GAIN_ROUNDS):
+        norm = weight.sum(axis=0)
+        common = (weight * grey * gain[:, None]).sum(axis=0) / np.maximum(norm, 1e-12)
+        num = (weight * grey * common).sum(axis=1)
+        den = (weight * grey * grey).sum(axis=1)
+        gain[used] = num[used] / np.maximum(den[used], 1e-12)
+        gain[used] /= np.exp(np.mean(np.log(np.maximum(gain[used], 1e-6))))
+    return gain
+
+
+def _gains(
+    mesh: TriangleMesh, weight: Array, reconstruction: Reconstruction, image_path: Path
+) -> Float:
+    import cv2
+
+    sample = np.arange(0, len(mesh.vertices), max(1, len(mesh.vertices) // 20_000))
+    grey = np.zeros((reconstruction.num_images, len(sample)))
+    for i in range(reconstruction.num_images):
+        image = cv2.blur(_grey(reconstruction, image_path, i), (5, 5))
+        xy = np.rint(_project(mesh, reconstruction, i)[sample] - 0.5).astype(np.int64)
+        x = np.clip(xy[:, 0], 0, image.shape[1] - 1)
+        y = np.clip(xy[:, 1], 0, image.shape[0] - 1)
+        grey[i] = image[y, x]
+    return balance_gains(grey, weight[:, sample])
+
+
+def _grey(reconstruction: Reconstruction, image_path: Path, i: int) -> Array:
+    width, height = (int(v) for v in reconstruction.image_size_px[i])
+    name = reconstruction.image_names[i]
+    return read_raster(image_path, None, name, max(width, height), (width, height)).grey
+
+
+def _vertex_grey(mesh: TriangleMesh, face: Array, bary: Array) -> Array:
+    """Vertex colours, interpolated, as grey: (n,), (n, 2) -> (n,); 128 without colours."""
+    if mesh.vertex_colors is None:
+        return np.full(len(face), 128.0)
+    grey = mesh.vertex_colors.astype(np.float64).mean(axis=1)[mesh.faces[face]]
+    weight = np.column_stack([1.0 - bary.sum(axis=1), bary])
+    return np.asarray(np.einsum("nk,nk->n", weight, grey))
+
+
+def _project(mesh: TriangleMesh, reconstruction: Reconstruction, i: int) -> Float:
+    cameras = reconstruction.cameras
+    return np.asarray(mesh.vertices @ cameras.projection[i].T + cameras.translation_px[i])
+
+
+def _atlas(mesh: TriangleMesh, unit: float, max_size: int) -> tuple[Float, int]:
+    """Texture coordinates (F, 3, 2) in 0..1, origin bottom left, and the texture's size.
+
+    The size gives each px of the images about one texel, in steps of 256.
+    """
+    import xatlas
+
+    corner = mesh.vertices[mesh.faces]
+    area = np.linalg.norm(
+        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1
+    )
+    wanted = np.sqrt(0.5 * area.sum() / unit**2 / _PACKING)
+    size = min(max(256, 256 * int(np.ceil(wanted / 256.0))), max_size)
+    atlas = xatlas.Atlas()
+    vertices = ((mesh.vertices - mesh.vertices.mean(axis=0)) / unit).astype(np.float32)
+    atlas.add_mesh(vertices, mesh.faces.astype(np.uint32))
+    charts, packing = xatlas.ChartOptions(), xatlas.PackOptions()
+    charts.max_iterations = 1
+    packing.resolution = size
+    packing.padding = int(2 * _BORDER_TEXELS)
+    packing.bilinear = True
+    atlas.generate(charts, packing)
+    _, faces, uv = atlas[0]
+    return np.asarray(uv, dtype=np.float64)[faces.astype(np.int64)], size
+
+
+_PACKING = 0.7
+"""Share of the atlas that charts cover."""

@@ -1,0 +1,161 @@
+"""Cameras, options and projects that an export cannot hold as they are."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.exports.options import FormatOptions
+from semsfm_colmap.exports.pinhole import pinhole_views
+from semsfm_colmap.exports.scene import ExportScene, read_scene
+from semsfm_colmap.exports.write import export_scene
+from semsfm_colmap.pipeline.export import export_project, point_covariance, with_cloud
+from tests.exports import readers
+from tests.exports.ball_project import ball, image_names
+
+
+@pytest.fixture
+def scene(plain_project: Path) -> ExportScene:
+    path = plain_project / "sparse" / "0"
+    return with_cloud(read_scene(path, plain_project / "images", FormatOptions()))
+
+
+def with_cameras(scene: ExportScene, **changes: float) -> ExportScene:
+    """The scene with other intrinsics; what is measured moves along."""
+    made = scene.reconstruction
+    cameras = replace(made.cameras, **changes)
+    return replace(scene, reconstruction=replace(made, cameras=cameras))
+
+
+def test_rectangular_pixels_become_two_focal_lengths(scene, tmp_path) -> None:
+    stretched = with_cameras(scene, aspect=1.05)
+    summary = export_scene(stretched, "colmap-bin", tmp_path / "bin", FormatOptions())
+    view = readers.read_binary(tmp_path / "bin").views["view_03.png"]
+    assert view.K[1, 1] / view.K[0, 0] == pytest.approx(1.05)
+    X = scene.reconstruction.points
+    gap = view.project(X) - stretched.reconstruction.cameras.project(X, np.full(len(X), 3))
+    # the points that this image does not see lie deeper than those that bound the deviation
+    assert np.linalg.norm(gap, axis=1).max() < 3 * summary["max_deviation_px"]
+    for name in ("nvm", "bundler"):
+        with pytest.raises(InputError, match="square pixels only"):
+            export_scene(stretched, name, tmp_path / name, FormatOptions())
+
+
+def test_a_skew_that_shows_is_refused_and_one_that_does_not_is_stated(scene, tmp_path) -> None:
+    with pytest.raises(InputError, match=r"skew of 0\.05, which a pinhole camera lacks"):
+        export_scene(with_cameras(scene, skew=0.05), "colmap-bin", tmp_path / "a", FormatOptions())
+    slight = with_cameras(scene, skew=0.002)
+    summary = export_scene(slight, "colmap-bin", tmp_path / "b", FormatOptions())
+    # 0.002 of 44 px, which the stated deviation must include
+    assert 0.05 < summary["max_deviation_px"] < 0.1
+    export_scene(with_cameras(scene, skew=0.05), "nfh-sem", tmp_path / "c", FormatOptions())
+
+
+def test_equal_distances_keep_the_projections(scene) -> None:
+    made = scene.reconstruction
+    near = pinhole_views(made, 60_000.0, equal_distance=True)
+    assert np.ptp(near.translation[:, 2]) < 1e-9 * near.translation[0, 2]
+    assert np.ptp(near.focal_px[:, 0]) > 10.0
+    shared = pinhole_views(made, 60_000.0)
+    assert np.ptp(shared.focal_px) == 0.0
+    assert near.max_deviation_px == pytest.approx(shared.max_deviation_px, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (FormatOptions(focal_factor=0.5), "puts the cameras into the specimen"),
+        (FormatOptions(focal_factor=-1.0), "the last 0 or positive"),
+        (FormatOptions(min_float32_focal_factor=2000.0), "no larger than the second"),
+    ],
+)
+def test_senseless_focal_lengths_are_usage_errors(plain_project, tmp_path, options, message):
+    with pytest.raises(UsageError, match=message):
+        export_project(plain_project, "colmap-float32", tmp_path / "out", options=options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_wanted_deviation_sets_the_focal_length(plain_project, tmp_path) -> None:
+    deviations = []
+    for k, bound in enumerate((0.02, 0.002)):
+        options = FormatOptions(max_deviation_px=bound)
+        summary = export_project(plain_project, "colmap-bin", tmp_path / str(k), options=options)
+        assert 0.5 * bound < summary["max_deviation_px"] <= 1.001 * bound
+        deviations.append(summary["max_deviation_px"])
+    assert deviations[0] > 5 * deviations[1]
+
+
+def test_without_depth_maps_the_dense_workspace_says_so(plain_project, tmp_path) -> None:
+    project = tmp_path / "p"
+    shutil.copytree(plain_project, project)
+    shutil.rmtree(project / "dense")
+    summary = export_project(project, "colmap-dense")
+    assert summary["num_depth_maps"] == 0
+    assert "semsfm densify" in summary["notes"][0]
+    # PatchMatch can still start from it
+    lines = (project / "export/colmap-dense/stereo/patch-match.cfg").read_text().splitlines()
+    assert lines[0::2] == list(image_names(False))
+    assert all(
+        line.split(", ")[0] != name for name, line in zip(lines[0::2], lines[1::2], strict=True)
+    )
+    assert len((project / "export/colmap-dense/stereo/fusion.cfg").read_text().splitlines()) == 11
+
+
+def test_explicit_depth_ranges_hold_all_points_and_little_more(plain_project, tmp_path) -> None:
+    summary = export_project(plain_project, "colmap-dense", tmp_path / "out")
+    scene = readers.read_binary(tmp_path / "out" / "sparse")
+    depths = np.concatenate(
+        [
+            (np.array([scene.points[int(j)] for j in v.point_ids if j >= 0]) @ v.R.T + v.t)[:, 2]
+            for v in scene.views.values()
+        ]
+    )
+    assert summary["depth_min"] < depths.min()
+    assert depths.max() < summary["depth_max"]
+    assert summary["depth_max"] - summary["depth_min"] < 2 * np.ptp(depths)
+
+
+def test_names_with_commas_are_refused_for_patch_match(scene, tmp_path) -> None:
+    names = ("a,b.png", *scene.names[1:])
+    odd = replace(scene, names=names)
+    with pytest.raises(InputError, match=r"colmap-dense cannot hold the image name .a,b\.png."):
+        export_scene(odd, "colmap-dense", tmp_path / "out", FormatOptions())
+
+
+def test_missing_images_and_models_are_answered_with_a_sentence(plain_project, tmp_path) -> None:
+    project = tmp_path / "p"
+    shutil.copytree(plain_project, project)
+    (project / "images" / "view_03.png").unlink()
+    with pytest.raises(InputError, match=r"view_03\.png is missing"):
+        export_project(project, "colmap-float32")
+    assert not (project / "export" / "colmap-float32").exists()
+    with pytest.raises(InputError, match="semsfm map"):
+        export_project(project, "colmap-bin", model=3)
+    with pytest.raises(UsageError, match="not a folder"):
+        export_project(tmp_path / "none", "colmap-bin")
+
+
+def test_point_deviations_are_those_of_repeated_measurements() -> None:
+    """Cameras held fixed, 200 draws of the noise: the scatter of the points is the stated sigma."""
+    made = ball(image_names(False), num_points=60)
+    stated = point_covariance(made)
+    rng = np.random.default_rng(0)
+    obs = made.observations
+    A = made.cameras.projection[obs.image_idx]
+    H = np.zeros((len(made.points), 3, 3))
+    np.add.at(H, obs.track_idx, np.einsum("oki,okj->oij", A, A))
+    r = made.residuals()
+    noise = np.sqrt(np.sum(r**2) / (2 * len(obs) - 3 * len(made.points)))
+    moves = []
+    for _ in range(200):
+        b = np.zeros((len(made.points), 3))
+        np.add.at(b, obs.track_idx, np.einsum("oki,ok->oi", A, noise * rng.normal(size=r.shape)))
+        moves.append(np.linalg.solve(H, b[:, :, None])[:, :, 0])
+    scatter = np.mean(np.square(moves), axis=0)
+    ratio = np.sqrt(scatter.sum(axis=1) / np.trace(stated, axis1=1, axis2=2))
+    assert 0.97 < np.median(ratio) < 1.03
