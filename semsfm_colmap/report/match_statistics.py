@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.report.inputs import PairStatistics
+from semsfm_colmap.records import PairStatistics
 
 
 def _fraction(part: int, whole: int) -> float | None:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.report.inputs import PairStatistics, ReportInputs
+from semsfm_colmap.records import PairStatistics
+from semsfm_colmap.report.inputs import ReportInputs
 from semsfm_colmap.types import (
     DepthSign,
     Float,

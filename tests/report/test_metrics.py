@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.report.inputs import PairStatistics, ReportInputs
+from semsfm_colmap.records import PairStatistics
+from semsfm_colmap.report.inputs import ReportInputs
 from semsfm_colmap.report.json_text import plain, to_json
 from semsfm_colmap.report.metrics import compute_metrics
 from semsfm_colmap.types import OrthographicCameras, PointCloud, SemMetadata, SemSeries

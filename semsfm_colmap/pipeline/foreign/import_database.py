@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +32,6 @@ from semsfm_colmap.pipeline.record import RunRecord, hash_file, hash_text, peak_
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.runner import STAGE_NAMES, product_key, run_stages
 from semsfm_colmap.pipeline.stages.all import read_project_series
-from semsfm_colmap.pipeline.two_view import pair_statistics, stored_geometry
 from semsfm_colmap.types import Array, Float, SemFrame, SemSeries
 
 if TYPE_CHECKING:
@@ -192,7 +192,9 @@ def copy_matches(
     reporter: Reporter,
 ) -> dict[str, Any]:
     """Raw matches as they are, and two-view geometries from their affine verification."""
+    from semsfm_colmap.colmap.database.two_view import stored_geometry
     from semsfm_colmap.colmap.database.work import write_matches, write_two_view_geometries
+    from semsfm_colmap.matching.statistics import pair_statistics
 
     ids = range(1, len(source_ids) + 1)
     raw, verified = {}, {}
@@ -202,7 +204,7 @@ def copy_matches(
         raw[ids[i], ids[j]] = geometry.keypoints
         pair, stored = stored_geometry(geometry, ids)
         verified[pair] = stored
-        statistics += pair_statistics([geometry], series.names)
+        statistics += [asdict(pair) for pair in pair_statistics([geometry], series.names)]
         if len(raw) == PAIRS_IN_MEMORY:
             write_matches(target, raw)
             raw.clear()

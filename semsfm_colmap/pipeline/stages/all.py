@@ -103,6 +103,7 @@ def threads(config: Config) -> int:
 
 def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) -> Summary:
     """Keypoints -> matches and two-view geometries in database.db; resumes pair by pair."""
+    from semsfm_colmap.colmap.database.two_view import stored_geometry
     from semsfm_colmap.colmap.database.work import (
         clear_matches,
         read_images,
@@ -112,9 +113,9 @@ def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) 
     )
     from semsfm_colmap.colmap.sift import match_sift
     from semsfm_colmap.matching.pairs import select_pairs
+    from semsfm_colmap.matching.statistics import pair_statistics
     from semsfm_colmap.matching.verify import verify_pair
     from semsfm_colmap.pipeline.stages.own_features import is_own, match_own
-    from semsfm_colmap.pipeline.two_view import pair_statistics, stored_geometry
 
     series = read_project_series(project)
     if fresh:
@@ -169,7 +170,7 @@ def match(project: Project, config: Config, reporter: Reporter, *, fresh: bool) 
             geometries.append(geometry)
             progress(len(geometries), len(jobs))
     stored = dict(stored_geometry(g, ids) for g in geometries)
-    statistics = pair_statistics(geometries, series.names)
+    statistics = [asdict(pair) for pair in pair_statistics(geometries, series.names)]
     write_two_view_geometries(project.database, stored)
     verified = [g for g in geometries if g.F is not None]
     reporter.say(
@@ -249,7 +250,8 @@ def read_main_model(project: Project) -> Reconstruction:
 
 def report(project: Project, record: RunRecord, reporter: Reporter) -> Summary:
     """Everything known -> report/."""
-    from semsfm_colmap.report.inputs import PairStatistics, ReportInputs
+    from semsfm_colmap.records import PairStatistics
+    from semsfm_colmap.report.inputs import ReportInputs
     from semsfm_colmap.report.write import write_report
     from semsfm_colmap.surface.files import read_ply_cloud, read_ply_mesh
 
