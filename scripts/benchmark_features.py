@@ -17,8 +17,9 @@ from pathlib import Path
 
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.studies.features.options import StudyOptions
-from semsfm_colmap.studies.features.run import CompareOptions, load_images, time_features
+from semsfm_colmap.studies.features.images import load_images
+from semsfm_colmap.studies.features.options import CompareOptions, StudyOptions
+from semsfm_colmap.studies.features.study import time_features
 
 ROUNDS = 3
 DETECTORS = ("colmap-sift", "harris-hessian-laplace", "hessian-laplace", "harris-hessian-affine")
@@ -32,10 +33,10 @@ def main() -> None:
     )
     best: dict[str, tuple[float, int]] = {}
     with tempfile.TemporaryDirectory() as work, ThreadPoolExecutor(os.cpu_count()) as pool:
-        images = load_images(folder, Path(work), options, IngestOptions(), None)
+        images = load_images(folder, Path(work), options, IngestOptions())
         for _ in range(ROUNDS):
             for detector in DETECTORS:
-                _, entry = time_features(detector, images, options, pool)
+                _, entry = time_features(detector, images, options, pool.map)
                 now = (entry.microseconds_per_feature, entry.num_features)
                 best[detector] = min(best.get(detector, now), now)
     print(f"{num} images of {folder}, fastest of {ROUNDS} rounds")

@@ -8,15 +8,17 @@ specimens (figure 3) are not kept: the images have owners.
 
 from __future__ import annotations
 
+import os
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.matching.options import MatchingOptions
-from semsfm_colmap.studies.features.options import StudyOptions
-from semsfm_colmap.studies.features.run import CompareOptions, compare_features
+from semsfm_colmap.studies.features.options import CompareOptions, StudyOptions
+from semsfm_colmap.studies.features.run import compare_features
 
 SERIES = ("synth_nickel", "sem_pot1", "synth_pollen", "sem_quartz3", "synth_spore", "hotel")
 NUM_IMAGES = 6
@@ -31,17 +33,19 @@ def main() -> None:
         images = folder / "images" if (folder / "images").is_dir() else folder
         truth = folder if (folder / "truth.json").is_file() else None
         begin = time.perf_counter()
-        compare_features(
-            images,
-            target / name,
-            options=CompareOptions(
-                study=StudyOptions(max_num_images=NUM_IMAGES, max_num_pairs=NUM_PAIRS),
-                detection=DetectorOptions(max_num_features=8192),
-                matching=MatchingOptions(),
-            ),
-            ingest=IngestOptions(),
-            truth_path=truth,
-        )
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            compare_features(
+                images,
+                target / name,
+                options=CompareOptions(
+                    study=StudyOptions(max_num_images=NUM_IMAGES, max_num_pairs=NUM_PAIRS),
+                    detection=DetectorOptions(max_num_features=8192),
+                    matching=MatchingOptions(),
+                ),
+                ingest=IngestOptions(),
+                truth_path=truth,
+                parallel_map=pool.map,
+            )
         (target / name / "figure03.png").unlink()
         print(f"{name}: {time.perf_counter() - begin:.0f} s", flush=True)
 

@@ -57,20 +57,30 @@ def extract(project: Project, config: Config, reporter: Reporter, *, fresh: bool
     """images/ -> keypoints and descriptors in database.db; resumes image by image."""
     from semsfm_colmap.colmap.database.work import read_images, read_keypoints
     from semsfm_colmap.colmap.sift import extract_sift
-    from semsfm_colmap.pipeline.orientation import try_orientations
+    from semsfm_colmap.pipeline.stages.orientation import try_project_orientations
     from semsfm_colmap.pipeline.stages.own_features import extract_own, is_own
 
     series = read_project_series(project)
     options, trial = config.features, None
     if options.upright is None and len(series.names) > 2:
-        trial = try_orientations(project, series, num_threads=threads(config), seed=config.seed)
+        trial = try_project_orientations(
+            project, series, num_threads=threads(config), seed=config.seed
+        )
         options = replace(options, upright=trial.upright)
     if fresh:
         for suffix in ("", "-wal", "-shm"):
             project.database.with_name(project.database.name + suffix).unlink(missing_ok=True)
     with reporter.progress("features") as progress:
         if is_own(options):
-            extract_own(project, series, options, num_threads=threads(config), progress=progress)
+            with ThreadPoolExecutor(threads(config)) as pool:
+                extract_own(
+                    project,
+                    series,
+                    options,
+                    num_threads=threads(config),
+                    progress=progress,
+                    parallel_map=pool.map,
+                )
         else:
             extract_sift(
                 project.database,
