@@ -15,6 +15,7 @@ from semsfm_colmap.config import Config, FeatureOptions
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.pipeline.evaluate import evaluate_project
 from semsfm_colmap.pipeline.runner import run_stages
+from semsfm_colmap.records import MapRecord, TiltAgreement
 from tests.ingest.conftest import DATA
 
 NICKEL = DATA / "synth_nickel"
@@ -31,7 +32,7 @@ class Mapped:
     """A map, what it says, and how far it is from the truth."""
 
     notes: str
-    prior: dict[str, Any] | None
+    prior: TiltAgreement | None
     figures: dict[str, Any]
 
 
@@ -66,11 +67,11 @@ def map_with(matched: Path, name: str, factor: float | None, names: list[str]) -
     config = replace(CONFIG, ingest=options)
     run_stages(project, config, names=("ingest",), image_path=images)
     record = run_stages(project, config, names=("map",))
-    summary = record.stages["map"]["summary"]
+    summary = record.result("map", MapRecord)
     figures, _ = evaluate_project(project, NICKEL)
     return Mapped(
-        notes=" ".join(summary["notes"]),
-        prior=summary["diagnostics"].get("tilt_prior"),
+        notes=" ".join(summary.notes),
+        prior=summary.diagnostics.tilt,
         figures=figures,
     )
 
