@@ -68,8 +68,8 @@ def model_deviation(model: Any, reconstruction: Reconstruction) -> float:
 
 def build_model(
     reconstruction: Reconstruction,
-    database_images: dict[str, DatabaseImage],
-    keypoints: dict[str, Float],
+    database_images: Mapping[str, DatabaseImage],
+    keypoints: Mapping[str, Float],
     focal_length_px: float,
 ) -> Any:
     """A pycolmap.Reconstruction with the telecentric pinhole; image ids are the database's."""
@@ -121,8 +121,8 @@ def build_model(
 def write_model(
     reconstruction: Reconstruction,
     path: Path,
-    database_images: dict[str, DatabaseImage],
-    keypoints: dict[str, Float],
+    database_images: Mapping[str, DatabaseImage],
+    keypoints: Mapping[str, Float],
     options: ExportOptions,
     *,
     reliability: Mapping[str, Any] | None = None,
