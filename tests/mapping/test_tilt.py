@@ -105,8 +105,8 @@ def test_a_right_table_makes_nothing_worse(maps: dict[str, Mapped]) -> None:
 def test_a_right_table_counts_and_says_so(maps: dict[str, Mapped]) -> None:
     prior = maps["right"].prior
     assert prior is not None
-    assert prior["consistent"]
-    assert 0.05 < prior["weight"] < 0.2
+    assert prior.consistent
+    assert 0.05 < prior.weight < 0.2
     assert "the estimated tilt is " in maps["right"].notes
     assert maps["none"].prior is None
 
@@ -114,8 +114,8 @@ def test_a_right_table_counts_and_says_so(maps: dict[str, Mapped]) -> None:
 def test_a_table_that_is_wrong_by_a_fifth_is_said_and_not_obeyed(maps: dict[str, Mapped]) -> None:
     wrong = maps["wrong"]
     assert wrong.prior is not None
-    assert not wrong.prior["consistent"]
-    assert wrong.prior["factor"] == pytest.approx(1 / 1.2, rel=0.01)
+    assert not wrong.prior.consistent
+    assert wrong.prior.factor == pytest.approx(1 / 1.2, rel=0.01)
     assert "span 72.0 degrees, but the images show 60" in wrong.notes
     assert "they are not obeyed" in wrong.notes
     errors = [
@@ -135,4 +135,4 @@ def test_over_ten_degrees_a_right_table_corrects_the_images(matched: Path) -> No
     assert after < 0.6 * before
     assert after < 0.02
     assert helped.prior is not None
-    assert helped.prior["weight"] > 0.5
+    assert helped.prior.weight > 0.5
