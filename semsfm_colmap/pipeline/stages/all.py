@@ -249,7 +249,17 @@ def read_main_model(project: Project) -> Reconstruction:
 
 def report(project: Project, record: RunRecord, reporter: Reporter) -> Summary:
     """Everything known -> report/."""
-    from semsfm_colmap.report.inputs import PairStatistics, ReportInputs
+    from semsfm_colmap.records import (
+        FilteringRound,
+        GuidedFigures,
+        PairStatistics,
+        Reliability,
+        TiltAgreement,
+        WrittenModel,
+        from_plain,
+    )
+    from semsfm_colmap.report.inputs import ReportInputs, StageUsage
+    from semsfm_colmap.report.metrics_json import metrics_json
     from semsfm_colmap.report.write import write_report
     from semsfm_colmap.surface.files import read_ply_cloud, read_ply_mesh
 
@@ -265,48 +275,33 @@ def report(project: Project, record: RunRecord, reporter: Reporter) -> Summary:
         if note != reconstruction.depth_sign.message
     ]
     mesh_file, cloud_file = project.mesh / "mesh.ply", project.dense / "fused.ply"
-    models = mapping.get("models", [])
-    rounds = mapping.get("rounds", [])
+    diagnostics = mapping.get("diagnostics", {})
+    models = [from_plain(WrittenModel, m) for m in mapping.get("models", [])]
+    rounds = [from_plain(FilteringRound, r) for r in mapping.get("rounds", [])]
     inputs = ReportInputs(
         reconstruction=reconstruction,
         series=series,
         pairs=tuple(PairStatistics(**p) for p in pairs),
-        stage_times={
-            name: stage["seconds"] for name, stage in record.stages.items() if name != "report"
-        },
-        stage_peak_memory_mb={
-            name: stage["peak_memory_mb"]
+        stages=tuple(
+            StageUsage(
+                name=name,
+                seconds=stage["seconds"],
+                peak_memory_mb=stage["peak_memory_mb"],
+            )
             for name, stage in record.stages.items()
             if name != "report"
-        },
+        ),
         notes=tuple(dict.fromkeys(notes)),
-        filtering_rounds=tuple(filtering_rounds(rounds)),
-        guided=mapping.get("diagnostics", {}).get("guided", {}),
-        reliability=mapping.get("reliability", {}),
+        rounds=tuple(r for r in rounds if r is not None),
+        guided=from_plain(GuidedFigures, diagnostics.get("guided", {})),
+        reliability=from_plain(Reliability, mapping.get("reliability", {})),
+        tilt=from_plain(TiltAgreement, diagnostics.get("tilt_prior", {})),
+        models=tuple(m for m in models if m is not None),
         mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
         versions=versions(),
-        twin_written=any(m["kind"] == "twin" and m["part"] == 0 for m in models),
-        telecentric={
-            "focal_length_px": models[0]["focal_length_px"],
-            "max_deviation_px": models[0]["max_deviation_px"],
-        }
-        if models
-        else {},
         title=project.path.resolve().name,
     )
     metrics = write_report(inputs, project.report)
     reporter.say(f"report: {project.report / 'report.html'}")
-    return {"num_metrics": len(metrics)}
-
-
-def filtering_rounds(rounds: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rounds as the report wants them: kept and dropped observations of each."""
-    result = []
-    before: int | None = None
-    for r in rounds:
-        kept = int(r["num_observations"])
-        dropped = 0 if before is None else max(before - kept, 0)
-        result.append({**r, "num_kept": kept, "num_dropped": dropped})
-        before = kept
-    return result
+    return {"num_metrics": len(metrics_json(metrics))}
