@@ -26,7 +26,7 @@ def stored_geometry(
 def pair_statistics(
     geometries: Iterable[AffineTwoViewGeometry], names: Sequence[str]
 ) -> list[dict[str, Any]]:
-    """What became of the matches of each pair: the fields of `report.inputs.PairStatistics`."""
+    """What became of the matches of each pair: the fields of `records.PairStatistics`."""
     statistics = []
     for g in geometries:
         i, j = g.image_pair

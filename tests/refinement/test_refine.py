@@ -4,20 +4,17 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.refinement.adjustment import BundleSettings
-from semsfm_colmap.refinement.bundle import bundle_adjust
+from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
 from semsfm_colmap.refinement.options import RefinementOptions
-from semsfm_colmap.refinement.trust import covariance_of
 from semsfm_colmap.refinement.refine import refine, registered_images
 from semsfm_colmap.refinement.resection import resect
+from semsfm_colmap.refinement.trust import covariance_of
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 from tests.alignment import best_hand_errors_deg
 
 
 def refined(s, **options):
     """From slightly wrong cameras, as the factorization leaves them."""
-    from semsfm_colmap.refinement.adjustment import BundleSettings
-from semsfm_colmap.refinement.bundle import BundleModel
-
     rng = np.random.default_rng(0)
     model = BundleModel.build(
         len(s.cameras), free_scale=False, free_affine=False, scale_sigma=1, affine_sigma=1

@@ -5,11 +5,18 @@ import pytest
 
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.report.metrics import compute_metrics
-from semsfm_colmap.report.verdict import count, fixed, judge, number, percent
+from semsfm_colmap.report.verdict import judge
 from semsfm_colmap.types import DepthSign, SemMetadata, SemSeries
-from tests.report.series import cube, empty_reconstruction, make_inputs, make_reconstruction
+from tests.report.series import (
+    cube,
+    empty_reconstruction,
+    make_inputs,
+    make_reconstruction,
+    written,
+)
 
 ANGLES = np.arange(10) * 4.0
+BOTH = (written(), written("twin"))
 
 
 def verdict(reconstruction, **more):
@@ -58,7 +65,7 @@ def test_an_ambiguous_sign_is_doubted_with_its_evidence_and_twin():
     sign = DepthSign(
         status="ambiguous", confidence=0.6, evidence={"visibility": 0.6}, message="Say the tilt."
     )
-    doubt = only_doubt(make_reconstruction(ANGLES, depth_sign=sign), twin_written=True)
+    doubt = only_doubt(make_reconstruction(ANGLES, depth_sign=sign), models=BOTH)
     for part in ("ambiguous", "60.0\u202f%", "visibility", "sparse/1", "Say the tilt."):
         assert part in doubt
 
@@ -87,7 +94,7 @@ def test_the_evidence_of_the_hand_is_said_once_and_a_users_word_beside_it():
         message="visibility does not decide the hand (confidence 0.500: near side 0.500); both "
         "models are written; your word would settle it",
     )
-    doubt = only_doubt(make_reconstruction(ANGLES, depth_sign=open_), twin_written=True)
+    doubt = only_doubt(make_reconstruction(ANGLES, depth_sign=open_), models=BOTH)
     assert "Visibility does not decide the hand; both models" in doubt
 
 
@@ -162,42 +169,11 @@ def test_a_pixel_size_that_contradicts_the_scale_is_doubted():
 
 
 def test_a_near_pinhole_is_doubted():
-    telecentric = {"focal_length_px": 1e4, "max_deviation_px": 3.0}
-    assert "3.00 px" in only_doubt(make_reconstruction(ANGLES), telecentric=telecentric)
+    near = written(max_deviation_px=3.0)
+    assert "3.00 px" in only_doubt(make_reconstruction(ANGLES), models=(near,))
 
 
 @pytest.mark.parametrize("num_images", [0, 1, 3])
 def test_nothing_reconstructed_is_said_so(num_images):
     result = verdict(empty_reconstruction(num_images), names=["a", "b", "c"])
     assert any("There are no points" in doubt for doubt in result.doubts)
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (None, "–"),
-        (0.0, "0"),
-        (3, "3"),
-        (1234567, "1\u202f234\u202f567"),
-        (0.42649, "0.426"),
-        (-12.345, "−12.3"),
-        (64655.2, "64\u202f700"),
-        (2.3e-6, "2.30e−06"),
-    ],
-)
-def test_numbers_are_written_for_people(value, text):
-    assert number(value) == text
-
-
-def test_percentages_are_not_rounded_up_to_certainty():
-    assert percent(0.9999) == "> 99.9\u202f%"
-    assert percent(1.0) == "100.0\u202f%"
-    assert percent(0.1234) == "12.3\u202f%"
-
-
-def test_counts_and_fixed_decimals():
-    assert count(1, "image") == "1 image"
-    assert count(0, "image") == "0 images"
-    assert fixed(-0.001, 2) == "0.00"
-    assert fixed(-0.126, 2) == "−0.13"
-    assert fixed(None, 2) == "–"

@@ -9,7 +9,8 @@ from semsfm_colmap.records import MapRecord, MatchRecord, ReportRecord
 def run(on: StageRun) -> ReportRecord:
     """Gather what the stages have left, and write the report."""
     from semsfm_colmap.pipeline.record import versions
-    from semsfm_colmap.report.inputs import ReportInputs
+    from semsfm_colmap.report.inputs import ReportInputs, StageUsage
+    from semsfm_colmap.report.metrics_json import metrics_json
     from semsfm_colmap.report.write import write_report
     from semsfm_colmap.surface.files import read_ply_cloud, read_ply_mesh
 
@@ -17,17 +18,18 @@ def run(on: StageRun) -> ReportRecord:
     reconstruction = project.read_main_model()
     mapped = record.result("map", MapRecord)
     matched = record.result("match", MatchRecord)
-    models = () if mapped is None else mapped.models
     # the report says itself what the series and the verdict on the hand say
     said = [n for n in record.notes() if n != reconstruction.depth_sign.message]
-    before = {name: entry for name, entry in record.stages.items() if name != STAGE.name}
     mesh_file, cloud_file = project.mesh / "mesh.ply", project.dense / "fused.ply"
     inputs = ReportInputs(
         reconstruction=reconstruction,
         series=project.read_series(),
         pairs=() if matched is None else matched.pairs,
-        stage_times={name: entry.seconds for name, entry in before.items()},
-        stage_peak_memory_mb={name: entry.peak_memory_mb for name, entry in before.items()},
+        stages=tuple(
+            StageUsage(name=name, seconds=entry.seconds, peak_memory_mb=entry.peak_memory_mb)
+            for name, entry in record.stages.items()
+            if name != STAGE.name
+        ),
         notes=tuple(dict.fromkeys(said)),
         rounds=() if mapped is None else mapped.rounds,
         guided=None if mapped is None else mapped.diagnostics.guided,
@@ -36,13 +38,12 @@ def run(on: StageRun) -> ReportRecord:
         mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
         versions=versions(),
-        twin_written=any(m.kind == "twin" and m.part == 0 for m in models),
-        model=models[0] if models else None,
+        models=() if mapped is None else mapped.models,
         title=project.path.resolve().name,
     )
     metrics = write_report(inputs, project.report)
     on.reporter.say(f"report: {project.report / 'report.html'}")
-    return ReportRecord(num_metrics=len(metrics))
+    return ReportRecord(num_metrics=len(metrics_json(metrics)))
 
 
 STAGE = Stage(
