@@ -32,7 +32,6 @@ from semsfm_colmap.pipeline.record import RunRecord, StageEntry, hash_file, hash
 from semsfm_colmap.pipeline.registry import stages_after
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.runner import run_stages
-from semsfm_colmap.pipeline.two_view import pair_statistics, stored_geometry
 from semsfm_colmap.records import ExtractRecord, MatchRecord, PairStatistics
 from semsfm_colmap.types import Array, Float, SemFrame, SemSeries
 
@@ -184,7 +183,9 @@ def copy_matches(
     reporter: Reporter,
 ) -> MatchRecord:
     """Raw matches as they are, and two-view geometries from their affine verification."""
+    from semsfm_colmap.colmap.database.two_view import stored_geometry
     from semsfm_colmap.colmap.database.work import write_matches, write_two_view_geometries
+    from semsfm_colmap.matching.statistics import pair_statistics
 
     ids = range(1, len(source_ids) + 1)
     raw, verified = {}, {}

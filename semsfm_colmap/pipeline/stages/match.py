@@ -53,13 +53,14 @@ def verify_pairs(
     on: StageRun, names: Sequence[str], ids: Sequence[int], pairs: Sequence[tuple[int, int]]
 ) -> MatchRecord:
     """Affine two-view geometries of the stored matches, into the database."""
+    from semsfm_colmap.colmap.database.two_view import stored_geometry
     from semsfm_colmap.colmap.database.work import (
         read_keypoints,
         read_matches,
         write_two_view_geometries,
     )
+    from semsfm_colmap.matching.statistics import pair_statistics
     from semsfm_colmap.matching.verify import verify_pair
-    from semsfm_colmap.pipeline.two_view import pair_statistics, stored_geometry
 
     stored = read_keypoints(on.project.database, ids)
     keypoints = [stored[image_id] for image_id in ids]
