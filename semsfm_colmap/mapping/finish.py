@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import MIRROR_Z, depth_reversed
-from semsfm_colmap.mapping.tilt import known_tilts
-from semsfm_colmap.motion.prior import TiltPrior
+from semsfm_colmap.motion.prior import TiltPrior, known_tilts
 from semsfm_colmap.refinement.depth_reversal import (
     Cue,
     apply_user_word,

@@ -15,11 +15,11 @@ from semsfm_colmap.factorization.factorize import factorize_most, find_parts
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.mapping.finish import MappedPart, finish
 from semsfm_colmap.mapping.guided import Guide, refine_guided
-from semsfm_colmap.mapping.tilt import known_tilts, with_known_tilt
-from semsfm_colmap.motion.prior import TiltPrior
+from semsfm_colmap.mapping.tilt import with_known_tilt
+from semsfm_colmap.motion.prior import TiltPrior, known_tilts
+from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import refine
-from semsfm_colmap.refinement.trust import SMALL_ROTATION_DEG
 from semsfm_colmap.tracks.diagnosis import diagnose_tracks
 from semsfm_colmap.tracks.split import split_tracks
 from semsfm_colmap.types import Float, Int, Observations, Solution

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import rotation_angle
-from semsfm_colmap.motion.prior import TiltPrior, check_tilt, combine_tilt
+from semsfm_colmap.motion.check import check_tilt
+from semsfm_colmap.motion.combine import combine_tilt
+from semsfm_colmap.motion.prior import TiltPrior, known_tilts
 from semsfm_colmap.refinement.known_angles import angle_prior
 from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.options import RefinementOptions
@@ -18,13 +20,6 @@ from semsfm_colmap.types import Float
 
 TIGHT = 0.1
 """Standard deviation of angles that are to hold, in formal errors of the images."""
-
-
-def known_tilts(tilt: TiltPrior, names: list[str]) -> tuple[Float, Float]:
-    """Known angles and their sigmas of some images, nan where nothing is known."""
-    number = {name: k for k, name in enumerate(tilt.image_names)}
-    rows = np.array([number[name] for name in names])
-    return tilt.angle_rad[rows], tilt.sigma_rad[rows]
 
 
 def with_known_tilt(

@@ -9,6 +9,7 @@ import numpy as np
 
 from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions
 from semsfm_colmap.geometry.rotations import vector_from_rotation
+from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 from semsfm_colmap.refinement.covariance import Covariance, estimate_covariance
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import (
@@ -23,9 +24,6 @@ from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.scan_drift import ScanDriftModel
 from semsfm_colmap.types import Float
-
-SMALL_ROTATION_DEG = 15.0
-"""Below this total rotation the angle is seen in second order only."""
 
 
 def covariance_of(refined: Refined, height_px: Float, drift_sigma_px: float) -> Covariance | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.records import TiltAgreement
 from semsfm_colmap.types import PointCloud, Reconstruction, SemSeries, TriangleMesh
 
 ROUND_KEYS = ("threshold_px", "num_kept", "num_dropped")
@@ -56,6 +57,8 @@ class ReportInputs:
     """One mapping a round with the keys of `ROUND_KEYS`."""
     guided: Mapping[str, Any] = field(default_factory=dict)
     """What the guided second pass found; empty without one."""
+    tilt: TiltAgreement | None = None
+    """What mapping found of the known tilts: the report carries its judgement."""
     reliability: Mapping[str, Any] = field(default_factory=dict)
     """Total rotation with its error bar, camera models compared, what leaving an image out does."""
     mesh: TriangleMesh | None = None

@@ -9,11 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.motion.small_tilt import tilt_tolerance
+from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 
-MIN_RANGE_DEG = 15.0
-"""Below this total rotation angle and depth are seen only in second order: neither a fixed nor a
-free magnification is safe (0.1 % of drift shifts the tilt by several percent)."""
 MAX_SCALE_SPREAD = 0.003
 """Magnification drift of scanning electron microscopes within a series is 0.05 to 0.3 %."""
 MIN_SHARED_TRACKS = 10
@@ -144,11 +141,16 @@ def _facts(m: dict[str, Any]) -> Iterator[str]:
                 f"{number(closing['last_to_first_deg'])}°, against a median step of "
                 f"{number(closing['median_step_deg'])}°."
             )
-    if rotation["stage_tilt"] is not None and _tilt_agrees(rotation):
-        tilt = rotation["stage_tilt"]
+    tilt = rotation["stage_tilt"]
+    if tilt is not None and tilt["agrees"] is not False:
+        follow = (
+            "The angles follow the recorded tilt with"
+            if tilt["agrees"]
+            else "Against the recorded tilt, by which they were not judged, the angles have"
+        )
         yield (
-            f"The angles follow the recorded tilt with a slope of {number(tilt['slope'], 4)} and "
-            f"{number(tilt['rms_deg'], 2)}° rms over {count(tilt['num_images'], 'image')}."
+            f"{follow} a slope of {number(tilt['slope'], 4)} and {number(tilt['rms_deg'], 2)}° rms "
+            f"over {count(tilt['num_images'], 'image')}."
         )
     sign = m["depth_sign"]
     if sign["status"] == "resolved":
@@ -166,11 +168,6 @@ def _facts(m: dict[str, Any]) -> Iterator[str]:
             f"{count(mesh['num_components'], 'component')}, an area of "
             f"{number(mesh['area_world2'])} {u}², and fits a box of {size} {u}."
         )
-
-
-def _tilt_agrees(rotation: dict[str, Any]) -> bool:
-    slope = rotation["stage_tilt"]["slope"]
-    return bool(abs(slope - 1.0) <= tilt_tolerance(np.deg2rad(rotation["range_deg"])))
 
 
 def _doubts_about_depth(m: dict[str, Any]) -> Iterator[str]:
@@ -193,17 +190,18 @@ def _doubts_about_depth(m: dict[str, Any]) -> Iterator[str]:
             "Two parallel views leave the depth scale and the angle between them undetermined: "
             "without a known angle the shape is a guess. Add a third image."
         )
-    if rotation["stage_tilt"] is not None and not _tilt_agrees(rotation):
+    tilt = rotation["stage_tilt"]
+    if tilt is not None and tilt["agrees"] is False:
         yield (
-            f"The images turned {number(rotation['stage_tilt']['slope'], 4)} times as far as the "
+            f"The images turned {number(tilt['slope'], 4)} times as far as the "
             "recorded tilts say, more than either can be wrong: check the tilts, or whether the "
             "magnification changed."
         )
-    if rotation["range_deg"] < MIN_RANGE_DEG:
+    if rotation["range_deg"] < SMALL_ROTATION_DEG:
         yield (
             f"The whole rotation is only {number(rotation['range_deg'])}°. Below "
-            f"{MIN_RANGE_DEG:.0f}° the angles and depths may be off by several percent although "
-            "the residuals are small."
+            f"{SMALL_ROTATION_DEG:.0f}° the angles and depths may be off by several percent "
+            "although the residuals are small."
         )
     elif rotation["axis_camera"] is not None:
         wobble = rotation["wobble_rms_deg"]

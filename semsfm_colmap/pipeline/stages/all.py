@@ -249,6 +249,7 @@ def read_main_model(project: Project) -> Reconstruction:
 
 def report(project: Project, record: RunRecord, reporter: Reporter) -> Summary:
     """Everything known -> report/."""
+    from semsfm_colmap.records import TiltAgreement, from_plain
     from semsfm_colmap.report.inputs import PairStatistics, ReportInputs
     from semsfm_colmap.report.write import write_report
     from semsfm_colmap.surface.files import read_ply_cloud, read_ply_mesh
@@ -282,6 +283,7 @@ def report(project: Project, record: RunRecord, reporter: Reporter) -> Summary:
         notes=tuple(dict.fromkeys(notes)),
         filtering_rounds=tuple(filtering_rounds(rounds)),
         guided=mapping.get("diagnostics", {}).get("guided", {}),
+        tilt=from_plain(TiltAgreement, mapping.get("diagnostics", {}).get("tilt_prior", {})),
         reliability=mapping.get("reliability", {}),
         mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
