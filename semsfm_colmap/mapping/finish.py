@@ -11,7 +11,7 @@ from semsfm_colmap.geometry.rotations import MIRROR_Z, depth_reversed
 from semsfm_colmap.geometry.subset import take_exactly
 from semsfm_colmap.mapping.context import SeriesContext
 from semsfm_colmap.mapping.guided import Guided
-from semsfm_colmap.mapping.tilt import known_tilts
+from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import CueFigures, Diagnostics, PartFigures, StartFigures, TiltAgreement
 from semsfm_colmap.refinement.covariance import Covariance
 from semsfm_colmap.refinement.depth_reversal import (
@@ -136,7 +136,7 @@ def find_cues(context: SeriesContext, refined: Refined, first: Refined) -> dict[
     )
     edge = context.refinement.receding_edge
     if context.tilt is not None and edge != "unknown":
-        known, sigma = known_tilts(context.tilt, list(context.names_of(refined.images)))
+        known, sigma = known_tilts(context.tilt, context.names_of(refined.images))
         cues["known tilt"] = known_tilt_cue(
             refined.cameras, known, axis_from_receding_edge(edge), float(np.nanmedian(sigma))
         )

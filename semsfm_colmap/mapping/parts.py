@@ -18,12 +18,12 @@ from semsfm_colmap.mapping.context import Guide, SeriesContext, silent
 from semsfm_colmap.mapping.drift import drift_notes
 from semsfm_colmap.mapping.finish import MappedPart, Settled, finish
 from semsfm_colmap.mapping.guided import Guided, refine_guided
-from semsfm_colmap.mapping.tilt import known_tilts, with_known_tilt
-from semsfm_colmap.motion.prior import TiltPrior
+from semsfm_colmap.mapping.tilt import with_known_tilt
+from semsfm_colmap.motion.prior import TiltPrior, known_tilts
+from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 from semsfm_colmap.records import FilteringRound
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, refine
-from semsfm_colmap.refinement.trust import SMALL_ROTATION_DEG
 from semsfm_colmap.tracks.diagnosis import diagnose_tracks
 from semsfm_colmap.tracks.split import split_tracks
 from semsfm_colmap.types import Int, Observations, Solution

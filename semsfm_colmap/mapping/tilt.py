@@ -8,23 +8,17 @@ import numpy as np
 
 from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.mapping.context import SeriesContext
-from semsfm_colmap.motion.prior import TiltPrior, check_tilt, combine_tilt
+from semsfm_colmap.motion.check import check_tilt
+from semsfm_colmap.motion.combine import combine_tilt
+from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import TiltAgreement
 from semsfm_colmap.refinement.known_angles import angle_prior
 from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.refine import Refined, adjust_with_angles
 from semsfm_colmap.refinement.trust import covariance_of, total_rotation_sigma
-from semsfm_colmap.types import Float
 
 TIGHT = 0.1
 """Standard deviation of angles that are to hold, in formal errors of the images."""
-
-
-def known_tilts(tilt: TiltPrior, names: list[str]) -> tuple[Float, Float]:
-    """Known angles and their sigmas of some images, nan where nothing is known."""
-    number = {name: k for k, name in enumerate(tilt.image_names)}
-    rows = np.array([number[name] for name in names])
-    return tilt.angle_rad[rows], tilt.sigma_rad[rows]
 
 
 def with_known_tilt(

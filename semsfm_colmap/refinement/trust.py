@@ -10,6 +10,7 @@ import numpy as np
 
 from semsfm_colmap.geometry.eliminated import Eliminated
 from semsfm_colmap.geometry.rotations import vector_from_rotation
+from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 from semsfm_colmap.records import LeftOut, Reliability, ScanDriftFigures
 from semsfm_colmap.refinement.adjustment import BundleSettings, comparing_solver
 from semsfm_colmap.refinement.covariance import Covariance, estimate_covariance
@@ -28,8 +29,6 @@ from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.scan_drift import ScanDriftModel
 from semsfm_colmap.types import Float
 
-SMALL_ROTATION_DEG = 15.0
-"""Below this total rotation the angle is seen in second order only."""
 MIN_UNCERTAINTY = 0.01
 """A spread of the camera models below one percent is not worth a sentence."""
 

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import rotation_angle
-from semsfm_colmap.motion.axis import RotationSeries, fit_rotation_series
+from semsfm_colmap.motion.axis import AxisRotation, fit_axis
+from semsfm_colmap.motion.check import tilt_line
+from semsfm_colmap.records import TiltAgreement
 from semsfm_colmap.report.frames import Frames
 from semsfm_colmap.report.inputs import ReportInputs
 from semsfm_colmap.types import Float
-
-MIN_TILTS = 3
-"""A line through fewer points says nothing about their scatter."""
-MIN_TILT_RANGE_DEG = 1.0
-"""A stage reads its tilt to about 0.1 degrees: below this a slope means nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +36,10 @@ class StageTiltMetrics:
     slope: float
     rms_deg: float
     num_images: int
+    agrees: bool | None
+    """the judgement of mapping; None where it did not compare them"""
+    tolerance: float | None
+    """how far from 1 the slope may lie by that judgement"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ class MotionColumns:
     stage_tilt_deg: Float
 
 
-def _closure(series: RotationSeries, R: Float) -> ClosureMetrics:
+def _closure(series: AxisRotation, R: Float) -> ClosureMetrics:
     """The step that closes the turn, against the others.
 
     Poses relative to one frame always add up to a whole turn, so nothing fails to close; an
@@ -92,23 +92,29 @@ def _closure(series: RotationSeries, R: Float) -> ClosureMetrics:
     )
 
 
-def _against_stage_tilt(tilt_deg: Float, angle_deg: Float) -> dict[str, Any] | None:
-    """Fit ``angle = slope tilt + offset`` where the microscope recorded a tilt."""
-    known = np.isfinite(tilt_deg)
-    tilt, angle = tilt_deg[known], angle_deg[known]
-    if len(tilt) < MIN_TILTS or np.ptp(tilt) < MIN_TILT_RANGE_DEG:
+def _against_stage_tilt(
+    tilt_rad: Float, angle_rad: Float, judged: TiltAgreement | None
+) -> StageTiltMetrics | None:
+    """The line of the angles over the recorded tilts, and what mapping said of the two."""
+    known = np.isfinite(tilt_rad)
+    line = tilt_line(tilt_rad[known], angle_rad[known])
+    if line is None:
         return None
-    design = np.stack([tilt, np.ones_like(tilt)], axis=1)
-    (slope, offset), *_ = np.linalg.lstsq(design, angle, rcond=None)
-    rms = np.sqrt(np.mean((design @ (slope, offset) - angle) ** 2))
-    return {"slope": abs(float(slope)), "rms_deg": float(rms), "num_images": len(tilt)}
+    compared = judged is not None and judged.factor is not None
+    return StageTiltMetrics(
+        slope=abs(line.slope),
+        rms_deg=float(np.rad2deg(np.sqrt(np.mean(line.residual_rad**2)))),
+        num_images=int(known.sum()),
+        agrees=judged.consistent if judged is not None and compared else None,
+        tolerance=judged.tolerance if judged is not None and compared else None,
+    )
 
 
-def stage_tilt_deg(inputs: ReportInputs, frames: Frames) -> Float:
+def stage_tilt_rad(inputs: ReportInputs, frames: Frames) -> Float:
     """(M,) recorded tilt of the registered images, nan where there is none."""
     tilt = {frame.name: frame.metadata.tilt_rad for frame in inputs.series.frames}
     values = [tilt.get(frames.names[k]) for k in frames.registered]
-    return np.rad2deg(np.array([np.nan if v is None else v for v in values], dtype=np.float64))
+    return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
 
 
 def motion_statistics(
@@ -117,10 +123,10 @@ def motion_statistics(
     """The motion as a whole, and that of each image; no whole where nothing turns."""
     rec = inputs.reconstruction
     R = rec.cameras.cam_from_world[frames.image_idx]
-    tilt = stage_tilt_deg(inputs, frames)
+    tilt = stage_tilt_rad(inputs, frames)
     nothing = np.full(len(R), np.nan)
     from_first = np.rad2deg(rotation_angle(R @ R[0].T)) if len(R) else nothing
-    series = fit_rotation_series(R)
+    series = fit_axis(R)
     if series is None:
         return None, MotionColumns(
             angle_deg=nothing,
@@ -128,7 +134,7 @@ def motion_statistics(
             step_deg=nothing,
             wobble_deg=nothing,
             rotation_from_first_deg=from_first,
-            stage_tilt_deg=tilt,
+            stage_tilt_deg=np.rad2deg(tilt),
         )
     axis, wobble = series.axis_camera, np.rad2deg(series.wobble_rad)
     step = np.rad2deg(series.step_rad)
@@ -142,9 +148,8 @@ def motion_statistics(
         step_deg=np.concatenate([[np.nan], step]),
         wobble_deg=wobble,
         rotation_from_first_deg=from_first,
-        stage_tilt_deg=tilt,
+        stage_tilt_deg=np.rad2deg(tilt),
     )
-    line = _against_stage_tilt(tilt, columns.angle_deg)
     return RotationMetrics(
         axis_camera=tuple(axis.tolist()),
         axis_world=tuple(series.axis_world.tolist()),
@@ -157,5 +162,5 @@ def motion_statistics(
         min_step_deg=float(step.min()),
         max_step_deg=float(step.max()),
         closure=_closure(series, R),
-        stage_tilt=None if line is None else StageTiltMetrics(**line),
+        stage_tilt=_against_stage_tilt(tilt, series.angle_rad, inputs.tilt),
     ), columns

@@ -8,15 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semsfm_colmap.motion.small_tilt import tilt_tolerance
+from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 from semsfm_colmap.report.metrics import Metrics
-from semsfm_colmap.report.motion_statistics import RotationMetrics, StageTiltMetrics
+from semsfm_colmap.report.motion_statistics import RotationMetrics
 from semsfm_colmap.report.number_text import count, fixed, listed, number, percent, unit_text
 from semsfm_colmap.types import DepthSign
 
-MIN_RANGE_DEG = 15.0
-"""Below this total rotation angle and depth are seen only in second order: neither a fixed nor a
-free magnification is safe (0.1 % of drift shifts the tilt by several percent)."""
 MAX_SCALE_SPREAD = 0.003
 """Magnification drift of scanning electron microscopes within a series is 0.05 to 0.3 %."""
 MIN_SHARED_TRACKS = 10
@@ -114,15 +111,16 @@ def _facts_of_motion(rotation: RotationMetrics) -> Iterator[str]:
             f"{number(closing.median_step_deg)}°."
         )
     tilt = rotation.stage_tilt
-    if tilt is not None and _tilt_agrees(tilt, rotation.range_deg):
-        yield (
-            f"The angles follow the recorded tilt with a slope of {number(tilt.slope, 4)} and "
-            f"{number(tilt.rms_deg, 2)}° rms over {count(tilt.num_images, 'image')}."
+    if tilt is not None and tilt.agrees is not False:
+        follow = (
+            "The angles follow the recorded tilt with"
+            if tilt.agrees
+            else "Against the recorded tilt, by which they were not judged, the angles have"
         )
-
-
-def _tilt_agrees(tilt: StageTiltMetrics, range_deg: float) -> bool:
-    return bool(abs(tilt.slope - 1.0) <= tilt_tolerance(np.deg2rad(range_deg)))
+        yield (
+            f"{follow} a slope of {number(tilt.slope, 4)} and {number(tilt.rms_deg, 2)}° rms "
+            f"over {count(tilt.num_images, 'image')}."
+        )
 
 
 def _doubts_about_depth(m: Metrics) -> Iterator[str]:
@@ -152,17 +150,17 @@ def _doubts_about_motion(rotation: RotationMetrics | None) -> Iterator[str]:
     """Doubts about the rotation of two or more images; None where nothing turned."""
     range_deg = 0.0 if rotation is None else rotation.range_deg
     tilt = None if rotation is None else rotation.stage_tilt
-    if tilt is not None and not _tilt_agrees(tilt, range_deg):
+    if tilt is not None and tilt.agrees is False:
         yield (
             f"The images turned {number(tilt.slope, 4)} times as far as the "
             "recorded tilts say, more than either can be wrong: check the tilts, or whether the "
             "magnification changed."
         )
-    if range_deg < MIN_RANGE_DEG:
+    if range_deg < SMALL_ROTATION_DEG:
         yield (
             f"The whole rotation is only {number(range_deg)}°. Below "
-            f"{MIN_RANGE_DEG:.0f}° the angles and depths may be off by several percent although "
-            "the residuals are small."
+            f"{SMALL_ROTATION_DEG:.0f}° the angles and depths may be off by several percent "
+            "although the residuals are small."
         )
     elif rotation is not None:
         wobble = rotation.wobble_rms_deg

@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.motion.check import check_tilt
+from semsfm_colmap.motion.prior import TiltPrior
+from semsfm_colmap.records import TiltAgreement
 from semsfm_colmap.report.metrics import compute_metrics
 from semsfm_colmap.report.verdict import judge
 from semsfm_colmap.types import DepthSign, SemMetadata, SemSeries
@@ -40,19 +43,60 @@ def test_a_sound_series_leaves_no_doubt_and_says_its_facts():
     assert "12 faces in 1 component" in text
 
 
+def with_tilts(angles, slope, sigma_deg):
+    """Inputs with recorded tilts that the images contradict by a slope, as mapping judges them."""
+    rec = make_reconstruction(angles)
+    inputs = make_inputs(rec)
+    tilts = np.deg2rad(np.asarray(angles) / slope)
+    frames = tuple(
+        replace(frame, metadata=SemMetadata(tilt_rad=tilt))
+        for frame, tilt in zip(inputs.series.frames, tilts, strict=True)
+    )
+    prior = TiltPrior(
+        image_names=rec.image_names,
+        angle_rad=tilts,
+        sigma_rad=np.full(len(tilts), np.deg2rad(sigma_deg)),
+        axis_image_rad=None,
+        source="a table",
+    )
+    check = check_tilt(prior, rec.image_names, rec.cameras.cam_from_world)
+    tilt = TiltAgreement(
+        source=prior.source,
+        consistent=check.consistent,
+        factor=check.factor,
+        tolerance=check.tolerance,
+    )
+    return replace(inputs, series=SemSeries(frames=frames), tilt=tilt)
+
+
 @pytest.mark.parametrize(("slope", "agrees"), [(1.0, True), (1.02, True), (0.835, False)])
 def test_recorded_tilts_that_the_images_contradict_are_doubted(slope, agrees):
-    inputs = make_inputs(make_reconstruction(ANGLES))
-    frames = tuple(
-        replace(frame, metadata=SemMetadata(tilt_rad=np.deg2rad(tilt / slope)))
-        for frame, tilt in zip(inputs.series.frames, ANGLES, strict=True)
-    )
-    result = judge(compute_metrics(replace(inputs, series=SemSeries(frames=frames))))
+    result = judge(compute_metrics(with_tilts(ANGLES, slope, sigma_deg=0.2)))
     follows = [fact for fact in result.facts if "follow the recorded tilt" in fact]
     assert len(follows) == agrees
     assert len(result.doubts) == (not agrees)
     if not agrees:
         assert "turned 0.8350 times as far as the recorded tilts say" in result.doubts[0]
+
+
+def test_the_report_does_not_contradict_what_mapping_said_of_the_tilts():
+    # over 20 degrees the images alone would tell 3 %, a stage with a sigma of 0.5 leaves 10 open
+    inputs = with_tilts([-10.0, -5.0, 0.0, 5.0, 10.0], slope=1.06, sigma_deg=0.5)
+    assert inputs.tilt.consistent
+    assert inputs.tilt.tolerance == pytest.approx(0.104, abs=1e-3)
+    metrics = compute_metrics(inputs)
+    assert metrics.rotation.stage_tilt.slope == pytest.approx(1.06)
+    assert metrics.rotation.stage_tilt.agrees is True
+    result = judge(metrics)
+    assert any("follow the recorded tilt with a slope of 1.060" in fact for fact in result.facts)
+    assert not any("recorded tilts" in doubt for doubt in result.doubts)
+
+
+def test_tilts_that_mapping_did_not_compare_are_neither_followed_nor_doubted():
+    inputs = replace(with_tilts(ANGLES, slope=0.835, sigma_deg=0.2), tilt=None)
+    result = judge(compute_metrics(inputs))
+    assert result.doubts == ()
+    assert any("Against the recorded tilt, by which they were not" in fact for fact in result.facts)
 
 
 def test_a_full_turn_is_named():
