@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import platform
 import resource
 import sys
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import semsfm_colmap
+from semsfm_colmap.io.atomic import write_json
 
 FORMAT = "semsfm-run"
 VERSION = 1
@@ -48,7 +48,7 @@ class RunRecord:
         )
 
     def write(self) -> None:
-        """Write aside, then rename."""
+        """Write run.json, whole."""
         data = {
             "format": FORMAT,
             "version": VERSION,
@@ -58,9 +58,7 @@ class RunRecord:
             "stages": self.stages,
             "inputs": self.inputs,
         }
-        aside = self.path.with_name(f".{self.path.name}.part")
-        aside.write_text(json.dumps(data, indent=1, default=float) + "\n", encoding="utf-8")
-        os.replace(aside, self.path)
+        write_json(data, self.path)
 
     def is_done(self, name: str, key: str) -> bool:
         """Whether the stage finished with these inputs and options."""

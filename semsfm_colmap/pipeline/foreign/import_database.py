@@ -105,7 +105,7 @@ def import_database(
 ) -> None:
     """Fill the project's database from another, unless that is done; both stages in run.json."""
     from semsfm_colmap.colmap.database.reader import read_database
-    from semsfm_colmap.colmap.database.scratch import remove_database
+    from semsfm_colmap.colmap.database.scratch import database_aside
 
     record = RunRecord.read(project.record)
     ingested = product_key(record, "ingest", "")
@@ -120,9 +120,7 @@ def import_database(
         record.stages[name] = {"status": "running", "key": stage_key}
     record.write()
     series = read_project_series(project)
-    aside = project.database.with_name(f".{project.database.name}.part")
-    remove_database(aside)
-    with read_database(database_path) as reader:
+    with database_aside(project.database) as aside, read_database(database_path) as reader:
         images = find_images(reader, series, image_path)
         begin = time.monotonic()
         usable_xy, summary = copy_features(reader, images, series, aside, reporter)
@@ -131,8 +129,6 @@ def import_database(
         ids = [image.image_id for image in images]
         summary = copy_matches(reader, ids, usable_xy, series, aside, config, reporter)
         record.stages["match"] = finished(match_key, begin, summary)
-    remove_database(project.database)
-    os.replace(aside, project.database)
     record.write()
 
 

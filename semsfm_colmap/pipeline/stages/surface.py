@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-
 import numpy as np
 
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, MissingDependencyError
+from semsfm_colmap.io.atomic import folder_aside
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.stages.all import Summary, read_main_model
@@ -28,20 +26,16 @@ def densify(project: Project, config: Config, reporter: Reporter) -> Summary:
     reconstruction = read_main_model(project)
     options = config.surface
     # the maps are written aside and replace those of an earlier run as a whole
-    aside, folder = project.dense / ".depth_maps.part", project.dense / "depth_maps"
-    shutil.rmtree(aside, ignore_errors=True)
-    aside.mkdir(parents=True)
+    folder = project.dense / "depth_maps"
     references = choose_references(reconstruction.cameras, options.max_num_depth_maps)
     names: list[str] = []
-    with reporter.progress("depth maps") as progress:
+    with folder_aside(folder) as aside, reporter.progress("depth maps") as progress:
         for depth_map in sweep_depth_maps(
             reconstruction, references, project.images, project.masks_or_none, options
         ):
             write_depth_map(aside, depth_map)
             names.append(depth_map.image_name)
             progress(len(names), len(references))
-    shutil.rmtree(folder, ignore_errors=True)
-    os.rename(aside, folder)
     with reporter.progress("fusing") as progress:
         fused = fuse_depth_maps(
             DepthMapFolder(folder, tuple(names)),
