@@ -92,7 +92,7 @@ class RunRecord:
         )
 
     def write(self) -> None:
-        """Write aside, then rename."""
+        """Write run.json, whole."""
         data = {
             "format": FORMAT,
             "version": VERSION,

@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-import numba
 import numpy as np
 from scipy import sparse
 
@@ -22,28 +21,11 @@ from semsfm_colmap.geometry.eliminated import minimise
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.refinement.adjustment import Adjustment, BundleSettings, PoseModel
+from semsfm_colmap.refinement.bundle_kernels import fill_jacobian
 from semsfm_colmap.refinement.known_angles import AnglePrior
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Solution
 
 P = TypeVar("P")
-
-
-@numba.njit(cache=True, parallel=True)
-def _jacobian(R, scale, a, k, X, image_idx, track_idx, J):  # type: ignore[no-untyped-def]
-    for o in numba.prange(len(image_idx)):
-        i, j = image_idx[o], track_idx[o]
-        s = scale[i]
-        u = R[i, 0, 0] * X[j, 0] + R[i, 0, 1] * X[j, 1] + R[i, 0, 2] * X[j, 2]
-        v = R[i, 1, 0] * X[j, 0] + R[i, 1, 1] * X[j, 1] + R[i, 1, 2] * X[j, 2]
-        z = R[i, 2, 0] * X[j, 0] + R[i, 2, 1] * X[j, 1] + R[i, 2, 2] * X[j, 2]
-        # dy_x/dw = (0, y_z, -y_y), dy_y/dw = (-y_z, 0, y_x)
-        J[o, 0, 0], J[o, 0, 1], J[o, 0, 2] = -s * k * z, s * z, s * (k * u - v)
-        J[o, 1, 0], J[o, 1, 2] = -s * a * z, s * a * u
-        J[o, 0, 3], J[o, 1, 3] = s * (u + k * v), s * a * v
-        J[o, 0, 4] = J[o, 1, 5] = 1.0
-        if J.shape[2] == 8:
-            J[o, 1, 6] = s * v
-            J[o, 0, 7] = s * v
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,7 +81,7 @@ class BundleModel:
         """(O, 2, 6 or 8), see the module's formula."""
         J = np.zeros((len(image_idx), 2, self.param_idx.shape[1]))
         with threads_for(len(image_idx)):
-            _jacobian(
+            fill_jacobian(
                 np.ascontiguousarray(params.cam_from_world),
                 np.ascontiguousarray(params.scale_px_per_unit),
                 params.aspect,

@@ -19,7 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numba
 import numpy as np
 from scipy import sparse
 from scipy.linalg import LinAlgError
@@ -32,10 +31,11 @@ from semsfm_colmap.geometry.eliminated import (
     precision_of,
 )
 from semsfm_colmap.geometry.losses import gaussian_constants, weight
-from semsfm_colmap.geometry.points import add_observation, invert_symmetric, track_pointer
+from semsfm_colmap.geometry.points import track_pointer
 from semsfm_colmap.geometry.reduced import PARALLEL_COST, CovisiblePairs, track_batches
 from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.refinement.adjustment import PoseModel
+from semsfm_colmap.refinement.covariance_kernels import point_covariance
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Solution
 
 FULL_SIGMAS = 3.0
@@ -112,56 +112,6 @@ def gauge_directions(model: PoseModel[Any], cameras: OrthographicCameras) -> Flo
     return Q
 
 
-@numba.njit(cache=True, parallel=True)
-def _point_covariance(  # type: ignore[no-untyped-def]
-    J, A, w, image_idx, pointer, tracks, begin_row, lookup, C, out
-):
-    p = J.shape[2]
-    for t in numba.prange(len(tracks)):
-        j = tracks[t]
-        begin, end = pointer[j], pointer[j + 1]
-        # where the track begins in J
-        shift = begin_row[t] - begin
-        H = np.zeros((3, 3))
-        b = np.zeros(3)
-        inverse = np.zeros((3, 3))
-        for o in range(begin, end):
-            add_observation(H, b, A[image_idx[o]], 0.0, 0.0, w[o])
-        if not invert_symmetric(H, inverse):
-            out[j] = np.nan
-            continue
-        E = np.zeros((end - begin, p, 3))
-        for o in range(begin, end):
-            i = image_idx[o]
-            for k in range(p):
-                for m in range(3):
-                    E[o - begin, k, m] = w[o] * (
-                        J[o + shift, 0, k] * A[i, 0, m] + J[o + shift, 1, k] * A[i, 1, m]
-                    )
-        # B = E^T C E, summed over all pairs of observations of the track
-        B = np.zeros((3, 3))
-        CE = np.zeros((p, 3))
-        for o in range(begin, end):
-            for q in range(begin, o + 1):
-                # stored for (later, earlier image); tracks are sorted by image
-                block = C[lookup[image_idx[o], image_idx[q]]]
-                CE[:] = 0.0
-                for k in range(p):
-                    for m in range(p):
-                        for y in range(3):
-                            CE[k, y] += block[k, m] * E[q - begin, m, y]
-                for x in range(3):
-                    for y in range(3):
-                        value = 0.0
-                        for k in range(p):
-                            value += E[o - begin, k, x] * CE[k, y]
-                        B[x, y] += value
-                        # the pair the other way round is the transpose
-                        if q < o:
-                            B[y, x] += value
-        out[j] = inverse + inverse @ B @ inverse
-
-
 def hold_world(
     S: BandMatrix, N: Float, viewing_direction: Float, pairs: CovisiblePairs, param_idx: Int
 ) -> None:
@@ -235,7 +185,7 @@ def estimate_covariance(
         rows = batch.rows
         J = model.jacobian(state.params, state.X, image_idx[rows], track_idx[rows])
         with threads_for(PARALLEL_COST * len(J)):
-            _point_covariance(
+            point_covariance(
                 J, A, w, image_idx, pointer, batch.tracks, batch.begin_row, pairs.lookup, blocks,
                 points,
             )  # fmt: skip

@@ -107,7 +107,7 @@ def import_database(
 ) -> None:
     """Fill the project's database from another, unless that is done; both stages in run.json."""
     from semsfm_colmap.colmap.database.reader import read_database
-    from semsfm_colmap.colmap.database.scratch import remove_database
+    from semsfm_colmap.colmap.database.scratch import database_aside
 
     record = RunRecord.read(project.record)
     ingested = record.entry("ingest").for_later_stages
@@ -122,9 +122,7 @@ def import_database(
         record.stages[name] = StageEntry(status="running", key=stage_key)
     record.write()
     series = project.read_series()
-    aside = project.database.with_name(f".{project.database.name}.part")
-    remove_database(aside)
-    with read_database(database_path) as reader:
+    with database_aside(project.database) as aside, read_database(database_path) as reader:
         images = find_images(reader, series, image_path)
         begin = time.monotonic()
         usable_xy, extracted = copy_features(reader, images, series, aside, reporter)
@@ -133,8 +131,6 @@ def import_database(
         ids = [image.image_id for image in images]
         matched = copy_matches(reader, ids, usable_xy, series, aside, config, reporter)
         record.stages["match"] = StageEntry.done(match_key, time.monotonic() - begin, matched)
-    remove_database(project.database)
-    os.replace(aside, project.database)
     record.write()
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.atomic import folder_aside
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import DensifyRecord
 
@@ -24,20 +22,16 @@ def run(on: StageRun) -> DensifyRecord:
     project, options = on.project, on.config.surface
     reconstruction = project.read_main_model()
     # the maps are written aside and replace those of an earlier run as a whole
-    aside, folder = project.dense / ".depth_maps.part", project.dense / "depth_maps"
-    shutil.rmtree(aside, ignore_errors=True)
-    aside.mkdir(parents=True)
+    folder = project.dense / "depth_maps"
     references = choose_references(reconstruction.cameras, options.max_num_depth_maps)
     names: list[str] = []
-    with on.reporter.progress("depth maps") as progress:
+    with folder_aside(folder) as aside, on.reporter.progress("depth maps") as progress:
         for depth_map in sweep_depth_maps(
             reconstruction, references, project.images, project.masks_or_none, options
         ):
             write_depth_map(aside, depth_map)
             names.append(depth_map.image_name)
             progress(len(names), len(references))
-    shutil.rmtree(folder, ignore_errors=True)
-    os.rename(aside, folder)
     with on.reporter.progress("fusing") as progress:
         fused = fuse_depth_maps(
             DepthMapFolder(folder, tuple(names)),
