@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import tomllib
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from semsfm_colmap.colmap.options import ExportOptions, SiftOptions
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.io.atomic import write_text
 from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.matching.options import MatchingOptions
 from semsfm_colmap.refinement.options import RefinementOptions
@@ -125,12 +125,10 @@ def read_config(path: Path) -> Config:
 
 
 def write_config(config: Config, path: Path) -> None:
-    """Write the resolved configuration, aside first, then renamed."""
+    """Write the resolved configuration."""
     import tomli_w
 
-    aside = path.with_name(f".{path.name}.part")
-    aside.write_text(tomli_w.dumps(config_to_dict(config)), encoding="utf-8")
-    os.replace(aside, path)
+    write_text(tomli_w.dumps(config_to_dict(config)), path)
 
 
 def options_key(section: Any) -> str:

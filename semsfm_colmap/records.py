@@ -1,8 +1,17 @@
-"""What stages leave behind: records, written to run.json and read by the report."""
+"""What stages leave behind: records, written to run.json and read by the report.
+
+Plain frozen dataclasses of numbers, names and sentences; None stands for "not known". `to_plain`
+gives what JSON holds, `from_plain` checks and reads it back; keys that this version does not know
+are passed over, so that a record of an older or newer program can still be read.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal, TypeVar
+
+R = TypeVar("R")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,10 +27,10 @@ class PairStatistics:
     image_name_2: str
     num_matches: int
     """Descriptor matches, before any filter."""
-    num_static_rejected: int = 0
     num_after_affine_ransac: int
     num_after_distance_filter: int
     """Verified matches, what the tracks are built from."""
+    num_static_rejected: int = 0
     failure: str | None = None
     """Why the pair was rejected as a whole; None when it was kept."""
 
@@ -29,3 +38,291 @@ class PairStatistics:
     def num_verified(self) -> int:
         """Matches that go on to the tracks: none of a rejected pair."""
         return 0 if self.failure is not None else self.num_after_distance_filter
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackCounts:
+    """What became of the verified matches when they were joined."""
+
+    num_tracks: int
+    num_matches: int
+    num_refused: int
+    """would have put two places of an image into one track"""
+    num_inconsistent: int = 0
+    """contradicted by two other matches"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartFigures:
+    """How well the factorization held together."""
+
+    num_blocks: int | None = None
+    """complete blocks that constrain the cameras"""
+    eigenvalues: tuple[float, ...] = ()
+    """the smallest of the camera basis constraints; three are zero without noise"""
+    eigenvalue_gap: float | None = None
+    """the fourth over the third"""
+    cbc_rms_px: float | None = None
+    affine_rms_px: float | None = None
+    affine_sigma_px: float | None = None
+    num_segments: int | None = None
+    """of a long series, which is factorized in pieces"""
+    upgrade: UpgradeFigures | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class UpgradeFigures:
+    """The Euclidean upgrade: its linear system and its cost."""
+
+    singular_values: tuple[float, ...]
+    num_free: int
+    """directions that the images do not determine"""
+    indefinite: bool
+    """True when the linear solution was no metric"""
+    cost: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilteringRound:
+    """What one round of filtering left."""
+
+    threshold_px: float
+    num_observations: int
+    num_points: int
+    num_images: int
+    sigma_px: float
+    rms_px: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuidedFigures:
+    """What the guided second pass found."""
+
+    num_passes: int
+    high_pass_px: float
+    num_places: int
+    num_found: int
+    num_observations_before: int
+    num_observations: int
+    mean_track_length_before: float
+    mean_track_length: float
+    sigma_before_px: float
+    sigma_px: float
+    largest_drift_px: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TiltAgreement:
+    """Known tilts against the angles that the images show, and what came of them."""
+
+    source: str
+    consistent: bool
+    factor: float | None
+    """estimated over known, from a robust line; its sign is that of the axis"""
+    tolerance: float | None
+    """how far from 1 its size may lie"""
+    stretch: float | None = None
+    """by which all angles were multiplied"""
+    weight: float | None = None
+    """of the known tilts, 0 to 1"""
+    sigma: float | None = None
+    """one relative standard deviation of the angles after that"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rung:
+    """One camera model of the ladder, fitted."""
+
+    name: str
+    range_deg: float
+    """largest rotation between two images"""
+    bic: float
+    held_out_px: float
+    """root median square residual per coordinate at observations the fit has not seen; nan: none"""
+    num_parameters: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """What leaving single images out does to the rotations of the others."""
+
+    images: tuple[str, ...]
+    change_deg: tuple[float, ...]
+    """root mean square change for each"""
+    jackknife_deg: float
+    """standard deviation of a rotation from these changes"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanDriftFigures:
+    """The rung of the ladder with a drift within each frame."""
+
+    largest_px: float
+    best: bool
+    """True when it explains the images best"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reliability:
+    """How far to trust a model as a whole; in orthographic.json, metrics.json and run.json."""
+
+    total_rotation_deg: float
+    total_rotation_sigma_deg: float
+    depth_uncertainty: float
+    """relative spread of the total rotation over the camera models that fit"""
+    best_model: str
+    models: tuple[Rung, ...]
+    leave_one_out: LeftOut | None = None
+    scan_drift: ScanDriftFigures | None = None
+    drift_px: Mapping[str, tuple[float, float]] | None = None
+    """What was taken out of the observations of each image: displacement in x and y of the last row
+    against the first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CueFigures:
+    """One cue of the hand."""
+
+    t: float
+    """in standard deviations, positive for the model written first"""
+    num_regions: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnostics:
+    """How one part of a series was mapped, for those who look into it."""
+
+    sigma_px: float
+    start: StartFigures
+    depth_sign_cues: Mapping[str, CueFigures]
+    guided: GuidedFigures | None = None
+    tilt: TiltAgreement | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartFigures:
+    """What mapping says of one part of a series."""
+
+    rounds: tuple[FilteringRound, ...]
+    reliability: Reliability
+    diagnostics: Diagnostics
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelEntry:
+    """One COLMAP model below sparse/."""
+
+    model: str
+    part: int
+    kind: Literal["model", "twin"]
+    num_images: int
+    images: tuple[str, ...]
+    num_points: int
+    focal_length_px: float
+    max_deviation_px: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrientationTrial:
+    """Places matched in the near and the far pairs of the trial, turned and upright."""
+
+    near: tuple[int, int]
+    far: tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageRecord:
+    """What every stage says: sentences for the report."""
+
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class IngestRecord(StageRecord):
+    """Images prepared."""
+
+    num_images: int
+    pixel_size_um: float | None = None
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExtractRecord(StageRecord):
+    """Keypoints found."""
+
+    num_keypoints: Mapping[str, int]
+    """of each image, those measured"""
+    upright: bool = False
+    orientation_trial: OrientationTrial | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchRecord(StageRecord):
+    """Pairs matched and verified."""
+
+    num_pairs: int
+    num_verified_pairs: int
+    pairs: tuple[PairStatistics, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapRecord(StageRecord):
+    """Models written; the figures are those of the first part."""
+
+    num_images: int
+    num_points: int
+    num_observations: int
+    rms_px: float
+    tracks: TrackCounts
+    models: tuple[ModelEntry, ...]
+    rounds: tuple[FilteringRound, ...]
+    reliability: Reliability
+    diagnostics: Diagnostics
+
+
+@dataclass(frozen=True, kw_only=True)
+class DensifyRecord(StageRecord):
+    """Depth maps and the fused cloud."""
+
+    num_depth_maps: int
+    num_points: int
+    coverage: float | None = None
+    """share of the sparse points that the cloud covers"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshRecord(StageRecord):
+    """The mesh."""
+
+    num_vertices: int
+    num_faces: int
+    extent: tuple[float, ...] = field(default=())
+    """world units, along the axes"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportRecord(StageRecord):
+    """The report."""
+
+    num_metrics: int
+
+
+def to_plain(record: Any) -> dict[str, Any]:
+    """A record as dicts, lists, numbers and strings, ready for JSON."""
+    return asdict(record)
+
+
+def known_only(record: Any) -> dict[str, Any]:
+    """`to_plain` without the fields that are None."""
+    return {key: value for key, value in to_plain(record).items() if value is not None}
+
+
+def from_plain(kind: type[R], data: Mapping[str, Any]) -> R | None:
+    """The record that `to_plain` was made of; None where the data are not one."""
+    from pydantic import TypeAdapter, ValidationError
+
+    try:
+        return TypeAdapter(kind).validate_python(dict(data))
+    except ValidationError:
+        return None

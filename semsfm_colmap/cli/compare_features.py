@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -49,10 +47,11 @@ class Arguments:
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
     parsed = parse(Arguments, positional_first(arguments), "compare-features", DESCRIPTION)
+    from semsfm_colmap.pipeline.executor import ThreadExecutor
     from semsfm_colmap.studies.features.run import compare_features
 
     reporter = verbosity(parsed.verbose, parsed.quiet)
-    with reporter.progress("compare") as progress, ThreadPoolExecutor(os.cpu_count()) as pool:
+    with reporter.progress("compare") as progress:
         result = compare_features(
             parsed.image_path,
             parsed.output_path,
@@ -64,7 +63,7 @@ def main(arguments: Sequence[str]) -> None:
             ),
             ingest=parsed.ingest,
             truth_path=parsed.truth,
-            parallel_map=pool.map,
+            parallel_map=ThreadExecutor().map,
             progress=progress,
         )
     reporter.say(f"{len(result.counts)} combinations of pairs compared; see {parsed.output_path}")

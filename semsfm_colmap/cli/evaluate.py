@@ -36,4 +36,4 @@ def main(arguments: Sequence[str]) -> None:
     figures, table = evaluate_project(parsed.project_path, parsed.truth_path, model=parsed.model)
     print(table)
     if parsed.json is not None:
-        write_json(figures, parsed.json)
+        write_json(figures, parsed.json, shared=True)

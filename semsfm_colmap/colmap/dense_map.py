@@ -17,28 +17,25 @@ exact on planes; the rest is second order in a shift of about one pixel.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.io.atomic import write_bytes
 from semsfm_colmap.types import Array, Float
 
 
 def write_map(path: Path, values: Array) -> None:
-    """Write a map (H, W) or (H, W, C) aside, then rename."""
+    """Write a map (H, W) or (H, W, C)."""
     stack = np.asarray(values, dtype="<f4")
     if stack.ndim == 2:
         stack = stack[:, :, None]
     if stack.ndim != 3 or 0 in stack.shape:
         raise UsageError(f"{np.shape(values)=} but expected (H, W) or (H, W, C)")
     height, width, channels = stack.shape
-    aside = path.with_name(f".{path.name}.part")
-    with aside.open("wb") as file:
-        file.write(f"{width}&{height}&{channels}&".encode("ascii"))
-        file.write(np.ascontiguousarray(stack.transpose(2, 0, 1)).tobytes())
-    os.replace(aside, path)
+    head = f"{width}&{height}&{channels}&".encode("ascii")
+    write_bytes(head + np.ascontiguousarray(stack.transpose(2, 0, 1)).tobytes(), path)
 
 
 def read_map(path: Path) -> Array:

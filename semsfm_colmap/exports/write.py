@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
 from pathlib import Path
 
-from semsfm_colmap.colmap.model.sparse import replace_folder
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.exports.names import check_names
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.registry import find_format
 from semsfm_colmap.exports.scene import ExportScene, Summary
+from semsfm_colmap.io.atomic import folder_aside
 
 STATEMENT = "export.json"
 
@@ -34,10 +33,7 @@ def export_scene(
     if len(scene.names) == 0:
         raise InputError("the model has no registered image: map the series first")
     check_place(output_path)
-    aside = output_path.with_name(f".{output_path.name}.part")
-    shutil.rmtree(aside, ignore_errors=True)
-    aside.mkdir(parents=True)
-    try:
+    with folder_aside(output_path) as aside:
         summary = {"format": format_name, **chosen.writer()(scene, aside, options)}
         renamed = scene.names != scene.reconstruction.image_names
         if renamed:
@@ -46,9 +42,6 @@ def export_scene(
                 scene.copy_images(aside / "images")
         text = json.dumps(summary, indent=1, default=float)
         (aside / STATEMENT).write_text(text + "\n", encoding="utf-8")
-        replace_folder(aside, output_path)
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
     return summary
 
 

@@ -15,13 +15,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
+from semsfm_colmap.factorization.blocks_kernels import (
+    count_common,
+    count_triples,
+    gather,
+    grow,
+    in_both,
+)
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.points import track_pointer
+from semsfm_colmap.geometry.subset import new_numbers
 from semsfm_colmap.types import Float, Int, Observations
 
 
@@ -50,21 +57,12 @@ class Visibility:
     """(M, M) tracks that two images share, zero on the diagonal"""
 
 
-@numba.njit(cache=True)
-def _count_common(pointer, image_idx, common):  # type: ignore[no-untyped-def]
-    for j in range(len(pointer) - 1):
-        for a in range(pointer[j], pointer[j + 1]):
-            for b in range(pointer[j], a):
-                common[image_idx[a], image_idx[b]] += 1
-                common[image_idx[b], image_idx[a]] += 1
-
-
 def visibility(observations: Observations) -> Visibility:
     """Index the observations, which are sorted by track, in both directions."""
     obs = observations
     pointer = track_pointer(obs.track_idx, obs.num_tracks)
     common = np.zeros((obs.num_images, obs.num_images), dtype=np.int64)
-    _count_common(pointer, obs.image_idx, common)
+    count_common(pointer, obs.image_idx, common)
     return Visibility(
         track_pointer=pointer,
         image_idx=obs.image_idx,
@@ -93,49 +91,6 @@ def covisible_pairs(common: Int, num_neighbours: int, min_tracks: int) -> list[t
     return sorted(pairs)
 
 
-@numba.njit(cache=True)
-def _grow(pointer, image_idx, image_pointer, tracks, first, second, size, min_tracks, images):  # type: ignore[no-untyped-def]
-    a, b = image_pointer[first], image_pointer[second]
-    end_a, end_b = image_pointer[first + 1], image_pointer[second + 1]
-    shared = np.empty(min(end_a - a, end_b - b), dtype=np.int64)
-    n = 0
-    while a < end_a and b < end_b:
-        if tracks[a] < tracks[b]:
-            a += 1
-        elif tracks[a] > tracks[b]:
-            b += 1
-        else:
-            shared[n] = tracks[a]
-            n += 1
-            a += 1
-            b += 1
-    shared = shared[:n]
-    depth = np.full(n, 2, dtype=np.int64)
-    images[0], images[1] = first, second
-    found = 2
-    count = np.zeros(len(image_pointer) - 1, dtype=np.int64)
-    while found < size:
-        count[:] = 0
-        for k in range(n):
-            if depth[k] == found:
-                for o in range(pointer[shared[k]], pointer[shared[k] + 1]):
-                    count[image_idx[o]] += 1
-        for k in range(found):
-            count[images[k]] = -1
-        best = np.argmax(count)
-        if count[best] < min_tracks:
-            break
-        for k in range(n):
-            if depth[k] == found:
-                for o in range(pointer[shared[k]], pointer[shared[k] + 1]):
-                    if image_idx[o] == best:
-                        depth[k] = found + 1
-                        break
-        images[found] = best
-        found += 1
-    return shared, depth, found
-
-
 def grow_block(
     seen: Visibility, pair: tuple[int, int], size: int, min_tracks: int
 ) -> list[tuple[list[int], Int]]:
@@ -147,21 +102,11 @@ def grow_block(
 
     """
     images = np.empty(max(size, 2), dtype=np.int64)
-    shared, depth, found = _grow(
+    shared, depth, found = grow(
         seen.track_pointer, seen.image_idx, seen.image_pointer, seen.tracks,
         pair[0], pair[1], size, min_tracks, images,
     )  # fmt: skip
     return [(images[:k].tolist(), shared[depth >= k]) for k in range(3, found + 1)]
-
-
-@numba.njit(cache=True)
-def _gather(pointer, image_idx, xy, images, tracks, M):  # type: ignore[no-untyped-def]
-    for k in range(len(tracks)):
-        for o in range(pointer[tracks[k]], pointer[tracks[k] + 1]):
-            row = np.searchsorted(images, image_idx[o])
-            if row < len(images) and images[row] == image_idx[o]:
-                M[2 * row, k] = xy[o, 0]
-                M[2 * row + 1, k] = xy[o, 1]
 
 
 def tied_groups(images: list[Int], num_images: int) -> Int:
@@ -176,36 +121,6 @@ def tied_groups(images: list[Int], num_images: int) -> Int:
     tied.data = (tied.data >= 2).astype(float)
     tied.eliminate_zeros()
     return np.asarray(connected_components(tied, directed=False)[1], dtype=np.int64)
-
-
-@numba.njit(cache=True)
-def _count_triples(begin, end, pointer, image_idx, tracks, local, count):  # type: ignore[no-untyped-def]
-    """Tracks of one image that two of its neighbours see as well, by the neighbours' numbers."""
-    for k in range(begin, end):
-        j = tracks[k]
-        for a in range(pointer[j], pointer[j + 1]):
-            m = local[image_idx[a]]
-            if m >= 0:
-                for b in range(pointer[j], a):
-                    n = local[image_idx[b]]
-                    if n >= 0:
-                        count[m, n] += 1
-                        count[n, m] += 1
-
-
-@numba.njit(cache=True)
-def _in_both(a, b):  # type: ignore[no-untyped-def]
-    found = np.empty(min(len(a), len(b)), dtype=np.int64)
-    n, i, j = 0, 0, 0
-    while i < len(a) and j < len(b):
-        if a[i] < b[j]:
-            i += 1
-        elif a[i] > b[j]:
-            j += 1
-        else:
-            found[n] = a[i]
-            n, i, j = n + 1, i + 1, j + 1
-    return found[:n]
 
 
 def fan_triples(
@@ -227,7 +142,7 @@ def fan_triples(
     for i, near in enumerate(neighbours):
         local[near] = np.arange(len(near))
         count = np.zeros((len(near), len(near)), dtype=np.int64)
-        _count_triples(
+        count_triples(
             seen.image_pointer[i], seen.image_pointer[i + 1], seen.track_pointer, seen.image_idx,
             seen.tracks, local, count,
         )  # fmt: skip
@@ -253,7 +168,7 @@ def select_blocks(observations: Observations, options: FactorizationOptions) -> 
             tracks = tracks[np.round(keep).astype(np.int64)]
         rows = np.array(images, dtype=np.int64)
         M = np.full((2 * len(rows), len(tracks)), np.nan)
-        _gather(seen.track_pointer, seen.image_idx, observations.xy, rows, tracks, M)
+        gather(seen.track_pointer, seen.image_idx, observations.xy, rows, tracks, M)
         found[images] = Block(images=rows, tracks=tracks, M=M)
 
     pairs = covisible_pairs(seen.common, options.num_block_neighbours, options.min_block_tracks)
@@ -270,7 +185,7 @@ def select_blocks(observations: Observations, options: FactorizationOptions) -> 
         by_image = np.split(seen.tracks, seen.image_pointer[1:-1])
         for i, j, k in fan_triples(seen, pairs, options.min_block_tracks):
             if (i, j, k) not in found:
-                add((i, j, k), _in_both(_in_both(by_image[i], by_image[j]), by_image[k]))
+                add((i, j, k), in_both(in_both(by_image[i], by_image[j]), by_image[k]))
     return list(found.values())
 
 
@@ -280,6 +195,11 @@ class Part:
 
     images: Int
     blocks: list[Block]
+
+    def own_blocks(self, num_images: int) -> list[Block]:
+        """The blocks with images numbered as they stand in `images`, of `num_images` in all."""
+        number = new_numbers(self.images, num_images)
+        return [Block(images=number[b.images], tracks=b.tracks, M=b.M) for b in self.blocks]
 
 
 def connected_parts(blocks: list[Block], num_images: int) -> list[Part]:

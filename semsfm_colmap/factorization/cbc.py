@@ -16,24 +16,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
-import numba
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from semsfm_colmap.factorization.blocks import Block, tied_groups
+from semsfm_colmap.factorization.cbc_kernels import best_subspace, centred_basis, squared_distances
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.threads import blas_threads
-from semsfm_colmap.types import AffineModel, Bool, Float, Int, Solution
+from semsfm_colmap.types import Bool, Float, Int, Solution
 
 MOST = 0.8
 """Share of a block's tracks within the threshold above which no RANSAC is needed."""
-MISS = 1e-4
-"""Chance that RANSAC ends before it has drawn four good columns."""
-MIN_INDEPENDENT = 1e-10
-"""Squared share of a column that must be new for four columns to span a subspace."""
 DENSE_EIGEN_LIMIT = 3000
 """Up to so many rows the eigenvectors come from a dense decomposition."""
 SINGLE_THREAD_ROWS = 1500
@@ -51,128 +46,32 @@ class BlockBasis:
     mean: Float
 
 
-@numba.njit(cache=True)
-def _leading_basis(M):  # type: ignore[no-untyped-def]
-    rows, n = M.shape
-    mean = np.empty(rows)
-    centred = np.empty((rows, n))
-    for d in range(rows):
-        mean[d] = np.sum(M[d]) / n
-        for j in range(n):
-            centred[d, j] = M[d, j] - mean[d]
-    values, vectors = np.linalg.eigh(centred @ centred.T)
-    U = np.empty((rows, rows))
-    s = np.empty(rows)
-    for k in range(rows):
-        s[k] = np.sqrt(max(values[rows - 1 - k], 0.0))
-        U[:, k] = vectors[:, rows - 1 - k]
-    return mean, U, s
-
-
 def leading_basis(M: Float) -> tuple[Float, Float, Float]:
     """Row mean (2 m,), left singular vectors and singular values of the centred M (2 m, n).
 
     From the eigenvectors of the small matrix ``M M^T``; only their leading three matter.
     """
-    mean, U, s = _leading_basis(np.ascontiguousarray(M))
+    mean, U, s = centred_basis(np.ascontiguousarray(M))
     return mean, U, s
-
-
-@numba.njit(cache=True)
-def _subspace_error(M, mean, U):  # type: ignore[no-untyped-def]
-    rows, n = M.shape
-    error = np.empty(n)
-    D = np.empty(rows)
-    for j in range(n):
-        total = 0.0
-        for d in range(rows):
-            D[d] = M[d, j] - mean[d]
-            total += D[d] * D[d]
-        for k in range(U.shape[1]):
-            along = 0.0
-            for d in range(rows):
-                along += U[d, k] * D[d]
-            total -= along * along
-        error[j] = total
-    return error
 
 
 def subspace_error(M: Float, mean: Float, U: Float) -> Float:
     """Squared distance of each column of M to the affine subspace ``mean + span(U)``: (n,)."""
-    error = _subspace_error(np.ascontiguousarray(M), mean, np.ascontiguousarray(U))
+    error = squared_distances(np.ascontiguousarray(M), mean, np.ascontiguousarray(U))
     return np.asarray(error)
-
-
-@numba.njit(cache=True)
-def _ransac(M, limit, picks, order, best):  # type: ignore[no-untyped-def]
-    rows, n = M.shape
-    Q = np.zeros((3, rows))
-    inlier = np.zeros(n, dtype=np.bool_)
-    most, trials = 3, len(picks)
-    t = 0
-    while t < trials:
-        pick = picks[t]
-        t += 1
-        independent = True
-        for k in range(3):
-            before = 0.0
-            for d in range(rows):
-                Q[k, d] = M[d, pick[k + 1]] - M[d, pick[0]]
-                before += Q[k, d] * Q[k, d]
-            for q in range(k):
-                dot = 0.0
-                for d in range(rows):
-                    dot += Q[k, d] * Q[q, d]
-                for d in range(rows):
-                    Q[k, d] -= dot * Q[q, d]
-            norm = 0.0
-            for d in range(rows):
-                norm += Q[k, d] * Q[k, d]
-            if norm <= MIN_INDEPENDENT * before or norm == 0.0:
-                independent = False
-                break
-            norm = np.sqrt(norm)
-            for d in range(rows):
-                Q[k, d] /= norm
-        if not independent:
-            continue
-        count = 0
-        for m in range(n):
-            # no longer able to beat the best
-            if count + n - m <= most:
-                break
-            j = order[m]
-            e = 0.0
-            d0 = 0.0
-            d1 = 0.0
-            d2 = 0.0
-            for d in range(rows):
-                x = M[d, j] - M[d, pick[0]]
-                e += x * x
-                d0 += x * Q[0, d]
-                d1 += x * Q[1, d]
-                d2 += x * Q[2, d]
-            inlier[j] = e - d0 * d0 - d1 * d1 - d2 * d2 < limit
-            count += inlier[j]
-        if count > most:
-            most = count
-            best[:] = inlier
-            # enough trials to have met four good columns with the confidence asked for
-            good = (count / n) ** 4
-            if good > 1.0 - 1e-9:
-                break
-            trials = min(trials, int(np.ceil(np.log(MISS) / np.log(1.0 - good))))
 
 
 def ransac_support(M: Float, limit: float, trials: int, rng: np.random.Generator) -> Bool:
     """Columns that agree with the best of at most `trials` subspaces through four random columns.
 
     Trials end when four columns as good as the best set found would have been drawn by then but for
-    a chance of `MISS`.
+    a chance of `cbc_kernels.MISS`.
     """
     n = M.shape[1]
     best = np.zeros(n, dtype=bool)
-    _ransac(np.asfortranarray(M), limit, rng.integers(0, n, (trials, 4)), rng.permutation(n), best)
+    best_subspace(
+        np.asfortranarray(M), limit, rng.integers(0, n, (trials, 4)), rng.permutation(n), best
+    )
     return best
 
 
@@ -284,13 +183,10 @@ def two_camera_gauge(C: sparse.csc_array, first: int, second: int) -> Float:
 
 def joint_projection(
     bases: list[BlockBasis], num_images: int, options: FactorizationOptions
-) -> tuple[Float, dict[str, Any]]:
-    """Cameras (M, 2, 3) up to an affinity, with the eigenvalue gap as diagnosis."""
+) -> tuple[Float, Float]:
+    """Cameras (M, 2, 3) up to an affinity, and the smallest eigenvalues of the constraints."""
     C = constraint_matrix(bases, num_images)
     values, vectors = smallest_eigenvectors(C, min(5, 2 * num_images))
-    diagnostics: dict[str, Any] = {"eigenvalues": values.tolist()}
-    if len(values) > 3:
-        diagnostics["eigenvalue_gap"] = float(values[3] / max(values[2], 1e-300))
     Pi = vectors[:, :3]
     if options.gauge == "two_cameras":
         A = Pi.reshape(-1, 2, 3)
@@ -298,7 +194,7 @@ def joint_projection(
         Q, _ = np.linalg.qr(A[0].T)
         rest = A[:, 0] - (A[:, 0] @ Q) @ Q.T
         Pi = two_camera_gauge(C, 0, int(np.argmax(np.linalg.norm(rest, axis=1))))
-    return Pi.reshape(-1, 2, 3), diagnostics
+    return Pi.reshape(-1, 2, 3), values
 
 
 def joint_translation(bases: list[BlockBasis], A: Float) -> Float:
@@ -346,16 +242,34 @@ def largest_tied(images: list[Int], group: Int) -> tuple[int, Int]:
     return most
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AffineStart:
+    """Affine cameras without points: triangulate the tracks with them."""
+
+    A: Float
+    """(M, 2, 3)"""
+    t: Float
+    """(M, 2)"""
+    eigenvalues: Float
+    """the smallest of the constraints, rising; without noise three are zero"""
+    num_blocks: int
+
+    @property
+    def eigenvalue_gap(self) -> float | None:
+        """The fourth eigenvalue over the third: how far the cameras are from undetermined."""
+        values = self.eigenvalues
+        return float(values[3] / max(values[2], 1e-300)) if len(values) > 3 else None
+
+
 def factorize_cbc(
     blocks: list[Block],
     num_images: int,
     options: FactorizationOptions,
     rng: np.random.Generator,
-) -> Solution[AffineModel]:
+) -> Solution[AffineStart]:
     """Affine cameras of an incomplete measurement matrix from its complete blocks.
 
-    The points of the returned model are the triangulated block centroids' stand-ins: it holds one
-    zero point; triangulate the tracks with its cameras.
+    A failure that leaves some images tied together names them in ``diagnostics["tied_images"]``.
     """
     bases = [b for b in (block_basis(block, options, rng) for block in blocks) if b is not None]
     used = [basis.images for basis in bases]
@@ -383,9 +297,6 @@ def factorize_cbc(
         )
     # what hangs on one image only says nothing of the others
     bases = [basis for basis, g in zip(bases, group, strict=True) if g == number]
-    A, diagnostics = joint_projection(bases, num_images, options)
+    A, eigenvalues = joint_projection(bases, num_images, options)
     t = joint_translation(bases, A)
-    return Solution(
-        value=AffineModel(A=A, t=t, X=np.zeros((1, 3))),
-        diagnostics={**diagnostics, "num_blocks": len(bases)},
-    )
+    return Solution(value=AffineStart(A=A, t=t, eigenvalues=eigenvalues, num_blocks=len(bases)))

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from semsfm_colmap.features.options import DetectorOptions
+from semsfm_colmap.features.patch_kernels import adapt_shapes
 from semsfm_colmap.features.regions import Regions
 from semsfm_colmap.features.scale_space import ScaleSpace
 
@@ -23,8 +24,6 @@ there is, the rounder every region looks; 0.7 gave the most true matches at 20 d
 
 def adapt(space: ScaleSpace, regions: Regions, options: DetectorOptions) -> Regions:
     """Regions with their affine shape; those that do not converge are dropped."""
-    from semsfm_colmap.features.patch_kernels import adapt_shapes
-
     K = len(regions)
     shape = np.tile(np.eye(2), (K, 1, 1))
     good = np.zeros(K, dtype=bool)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from semsfm_colmap.features.options import DetectorOptions
+from semsfm_colmap.features.patch_kernels import ORIENTATION_RADIUS, orientations, sample_patches
 from semsfm_colmap.features.regions import Regions
 from semsfm_colmap.features.scale_space import ScaleSpace
 from semsfm_colmap.features.selection import rank_within
@@ -18,8 +19,6 @@ ORIENTATION_PITCH = 0.5
 
 def oriented_features(space: ScaleSpace, regions: Regions, options: DetectorOptions) -> Features:
     """Features (without descriptors) with dominant orientations, or upright."""
-    from semsfm_colmap.features.patch_kernels import ORIENTATION_RADIUS, orientations
-
     K = len(regions)
     frame = regions.scale_px[:, None, None] * regions.shape
     num = 1 if options.upright else max(options.max_orientations, 1)
@@ -70,8 +69,6 @@ def sample(space: ScaleSpace, xy: Float, frame: Float, half_width: float, size: 
     The shorter semi-axis of the ellipse sets the level: what the longer one would still allow to
     blur is kept rather than smeared across the short one.
     """
-    from semsfm_colmap.features.patch_kernels import sample_patches
-
     K = len(xy)
     patches = np.zeros((K, size, size), dtype=np.float32)
     octave, level = space.nearest_level(_shorter_axis(frame))

@@ -22,6 +22,13 @@ from typing import Any
 
 import numpy as np
 
+from semsfm_colmap.features.laplace_kernels import (
+    cornerness,
+    edge_points,
+    gradient_products,
+    hessian_maps,
+    scale_selected_maxima,
+)
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.features.regions import Regions, circular_regions, concatenate
 from semsfm_colmap.features.scale_space import BASE_SIGMA, LEVELS, Octave, ScaleSpace
@@ -55,8 +62,6 @@ def _detect_octave(
     options: DetectorOptions,
 ) -> tuple[Array, ...]:
     """Append the regions of an octave to `found`; returns the Laplacians of levels -1 .. LEVELS."""
-    from semsfm_colmap.features.kernels import hessian_maps, scale_selected_maxima
-
     sigmas = [BASE_SIGMA * 2.0 ** (s / LEVELS) for s in range(-1, LEVELS + 1)]
     maps = [hessian_maps(octave.level(s), sigmas[s + 1]) for s in range(-1, LEVELS + 1)]
     laplacians = tuple(laplacian for _, laplacian in maps)
@@ -85,8 +90,6 @@ def detect_edges(
 
     """
     import cv2
-
-    from semsfm_colmap.features.kernels import edge_points
 
     parts = []
     for o, octave in enumerate(space.octaves):
@@ -152,8 +155,6 @@ def strongest_maximum(values: Array) -> tuple[Int, Float, Float]:
 def harris_map(octave: Octave, s: int) -> Array:
     """Cornerness at level s: (h, w)."""
     import cv2
-
-    from semsfm_colmap.features.kernels import cornerness, gradient_products
 
     sigma = BASE_SIGMA * 2.0 ** (s / LEVELS)
     products = gradient_products(octave.level(s - 2), sigma / math.sqrt(2.0))

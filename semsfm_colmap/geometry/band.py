@@ -22,11 +22,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from scipy import sparse
 from scipy.linalg import LinAlgError, blas, lapack
 
+from semsfm_colmap.geometry.band_kernels import add_blocks, add_entries, get_blocks
 from semsfm_colmap.types import Float, Int
 
 BLOCK = 256
@@ -93,85 +93,6 @@ class BandLayout:
         )
 
 
-@numba.njit(cache=True)
-def _add_entries(  # type: ignore[no-untyped-def]
-    block, row, band, border, corner, first, second, values
-):
-    """Add entries whose transposes come too: those above the diagonal are left out."""
-    K, b = band.shape[0], band.shape[2]
-    for e in range(len(values)):
-        k, c = block[first[e]], block[second[e]]
-        i, j = row[first[e]], row[second[e]]
-        if k < c or (k == c and i < j):
-            continue
-        if k < K:
-            band[c, (k - c) * b + i, j] += values[e]
-        elif c < K:
-            border[i, c * b + j] += values[e]
-        else:
-            corner[i, j] += values[e]
-
-
-@numba.njit(cache=True)
-def _add_blocks(  # type: ignore[no-untyped-def]
-    block, row, band, border, corner, blocks, first, second, param_idx
-):
-    K, b = band.shape[0], band.shape[2]
-    p = param_idx.shape[1]
-    for e in range(len(first)):
-        own = first[e] == second[e]
-        for x in range(p):
-            u = param_idx[first[e], x]
-            if u < 0:
-                continue
-            for y in range(p):
-                v = param_idx[second[e], y]
-                if v < 0:
-                    continue
-                value = blocks[e, x, y]
-                k, i, c, j = block[u], row[u], block[v], row[v]
-                if k < c or (k == c and i < j):
-                    if own:
-                        # the other triangle of it is there as well
-                        continue
-                    k, i, c, j = c, j, k, i
-                elif u == v and not own:
-                    # one unknown of both images: the block and its transpose
-                    value *= 2.0
-                # written out: handing the arrays to a function takes five times as long
-                if k < K:
-                    band[c, (k - c) * b + i, j] += value
-                elif c < K:
-                    border[i, c * b + j] += value
-                else:
-                    corner[i, j] += value
-
-
-@numba.njit(cache=True)
-def _get_blocks(  # type: ignore[no-untyped-def]
-    block, row, band, border, corner, first, second, param_idx, out
-):
-    K, rows, b = band.shape
-    p = param_idx.shape[1]
-    for e in range(len(first)):
-        for x in range(p):
-            u = param_idx[first[e], x]
-            for y in range(p):
-                v = param_idx[second[e], y]
-                if u < 0 or v < 0:
-                    continue
-                k, i, c, j = block[u], row[u], block[v], row[v]
-                if k < c or (k == c and i < j):
-                    k, i, c, j = c, j, k, i
-                if k < K:
-                    if (k - c) * b < rows:
-                        out[e, x, y] = band[c, (k - c) * b + i, j]
-                elif c < K:
-                    out[e, x, y] = border[i, c * b + j]
-                else:
-                    out[e, x, y] = corner[i, j]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BandMatrix:
     """A symmetric matrix (n, n), its lower triangle within a layout."""
@@ -206,20 +127,20 @@ class BandMatrix:
         param_idx : (M, p) unknowns of each image; -1 is none
 
         """
-        _add_blocks(*self._parts(), blocks, first, second, param_idx)
+        add_blocks(*self._parts(), blocks, first, second, param_idx)
 
     def get_blocks(self, first: Int, second: Int, param_idx: Int) -> Float:
         """The entries (B, p, p) of pairs of images; 0 for an unknown -1 and outside the layout."""
         p = param_idx.shape[1]
         out = np.zeros((len(first), p, p))
-        _get_blocks(*self._parts(), first, second, param_idx, out)
+        get_blocks(*self._parts(), first, second, param_idx, out)
         return out
 
     def add_products(self, jacobian: sparse.csr_array) -> None:
         """Add ``J^T J`` for a sparse J (k, n), its entries within the layout."""
         product = sparse.coo_array(jacobian.T @ jacobian)
         rows, cols = product.row.astype(np.int64), product.col.astype(np.int64)
-        _add_entries(*self._parts(), rows, cols, product.data)
+        add_entries(*self._parts(), rows, cols, product.data)
 
     def main_diagonal(self) -> Float:
         """(n,)"""

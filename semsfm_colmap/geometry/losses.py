@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
-import numba
 import numpy as np
 
 from semsfm_colmap.types import Float
@@ -73,23 +72,3 @@ def gaussian_constants(name: LossName, width: float) -> GaussianConstants:
 
 LOSS_NUMBER = {"squared": 0, "huber": 1, "cauchy": 2}
 """Losses as compiled code knows them."""
-
-
-@numba.njit(cache=True)
-def loss_of(number, s, w2):  # type: ignore[no-untyped-def]
-    """`loss` of one number, width squared given."""
-    if number == 0 or (number == 1 and s <= w2):
-        return s
-    if number == 1:
-        return 2.0 * np.sqrt(w2 * s) - w2
-    return w2 * np.log1p(s / w2)
-
-
-@numba.njit(cache=True)
-def weight_of(number, s, w2):  # type: ignore[no-untyped-def]
-    """`weight` of one number, width squared given."""
-    if number == 0 or (number == 1 and s <= w2):
-        return 1.0
-    if number == 1:
-        return np.sqrt(w2 / s)
-    return 1.0 / (1.0 + s / w2)

@@ -12,13 +12,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from semsfm_colmap.geometry.band import BandLayout
-from semsfm_colmap.geometry.points import add_observation, invert_symmetric
+from semsfm_colmap.geometry.reduced_kernels import accumulate_tracks, mark_pairs
 from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.types import Float, Int
 
@@ -56,18 +55,10 @@ class CovisiblePairs:
     """(N,) tracks in the order in which they are summed; None: as they are numbered"""
 
 
-@numba.njit(cache=True)
-def _mark_pairs(image_idx, pointer, mark):  # type: ignore[no-untyped-def]
-    for j in range(len(pointer) - 1):
-        for a in range(pointer[j], pointer[j + 1]):
-            for b in range(pointer[j], a + 1):
-                mark[image_idx[a], image_idx[b]] = True
-
-
 def covisible_pairs(image_idx: Int, pointer: Int, num_images: int) -> CovisiblePairs:
     """The pairs of images that tracks tie together."""
     mark = np.zeros((num_images, num_images), dtype=bool)
-    _mark_pairs(image_idx, pointer, mark)
+    mark_pairs(image_idx, pointer, mark)
     first, second = np.nonzero(np.tril(mark | mark.T))
     lookup = np.full((num_images, num_images), -1, dtype=np.int64)
     lookup[first, second] = lookup[second, first] = np.arange(len(first))
@@ -76,60 +67,6 @@ def covisible_pairs(image_idx: Int, pointer: Int, num_images: int) -> CovisibleP
         seen = np.flatnonzero(np.diff(pointer))
         order = seen[np.argsort(image_idx[pointer[seen]], kind="stable")]
     return CovisiblePairs(lookup=lookup, first=first, second=second, order=order)
-
-
-@numba.njit(cache=True, parallel=True)
-def _accumulate(  # type: ignore[no-untyped-def]
-    J, A, r, w, image_idx, pointer, tracks, begin_row, lookup, chunk, blocks, gradient, max_len
-):
-    p = J.shape[2]
-    for c in numba.prange(len(chunk) - 1):
-        E = np.zeros((max_len, p, 3))
-        F = np.zeros((p, 3))
-        H = np.zeros((3, 3))
-        Hinv = np.zeros((3, 3))
-        b = np.zeros(3)
-        for k in range(chunk[c], chunk[c + 1]):
-            begin, end = pointer[tracks[k]], pointer[tracks[k] + 1]
-            first_row = begin_row[k]
-            H[:] = 0.0
-            b[:] = 0.0
-            for o in range(begin, end):
-                add_observation(H, b, A[image_idx[o]], r[o, 0], r[o, 1], w[o])
-            if not invert_symmetric(H, Hinv):
-                continue
-            for o in range(begin, end):
-                i = image_idx[o]
-                a = o - begin
-                row = first_row + a
-                own = blocks[c, lookup[i, i]]
-                for k in range(p):
-                    j0, j1 = w[o] * J[row, 0, k], w[o] * J[row, 1, k]
-                    for m in range(3):
-                        E[a, k, m] = j0 * A[i, 0, m] + j1 * A[i, 1, m]
-                    for m in range(3):
-                        F[k, m] = (
-                            E[a, k, 0] * Hinv[0, m]
-                            + E[a, k, 1] * Hinv[1, m]
-                            + E[a, k, 2] * Hinv[2, m]
-                        )
-                    gradient[c, i, k] += (
-                        j0 * r[o, 0]
-                        + j1 * r[o, 1]
-                        - (F[k, 0] * b[0] + F[k, 1] * b[1] + F[k, 2] * b[2])
-                    )
-                    for m in range(p):
-                        own[k, m] += j0 * J[row, 0, m] + j1 * J[row, 1, m]
-                for other in range(a + 1):
-                    i2 = image_idx[begin + other]
-                    block = blocks[c, lookup[i, i2]]
-                    # stored for (later, earlier image); tracks are sorted by image
-                    for k in range(p):
-                        f0, f1, f2 = F[k, 0], F[k, 1], F[k, 2]
-                        for m in range(p):
-                            block[k, m] -= (
-                                f0 * E[other, m, 0] + f1 * E[other, m, 1] + f2 * E[other, m, 2]
-                            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -203,7 +140,7 @@ def accumulate_blocks(
         chunk[0], chunk[-1] = 0, len(batch.tracks)
         J = jacobian(batch.rows)
         with threads_for(PARALLEL_COST * len(J)):
-            _accumulate(
+            accumulate_tracks(
                 J, A, r, w, image_idx, pointer, batch.tracks, batch.begin_row, pairs.lookup, chunk,
                 blocks, gradient, max_len,
             )  # fmt: skip

@@ -19,7 +19,6 @@ from semsfm_colmap.ingest.files.output import (
     LOSSLESS_SUFFIXES,
     encode_grey8,
     remove_stale,
-    write_atomic,
 )
 from semsfm_colmap.ingest.files.raster import RawImage, read_pixels
 from semsfm_colmap.ingest.frame.pixels import changes_pixels, prepare_pixels
@@ -49,6 +48,7 @@ from semsfm_colmap.ingest.series.file import (
 from semsfm_colmap.ingest.series.overrides import apply_scale_bar, apply_table
 from semsfm_colmap.ingest.series.pixel_size import leave_out_magnifications, series_pixel_size
 from semsfm_colmap.ingest.series.table import SeriesTable, read_series_table
+from semsfm_colmap.io.atomic import write_bytes
 from semsfm_colmap.types import Array, SemFrame, SemSeries
 
 
@@ -176,7 +176,7 @@ def _prepare_image(
         if _stays_as_it_is(image, raw, suffix)
         else encode_grey8(grey, suffix)
     )
-    write_atomic(project_path / "images" / name, content)
+    write_bytes(content, project_path / "images" / name)
     record.grey_range[name] = grey_range
     problems = masks.add(image, name, np.asarray(grey), raw.coloured)
     return SemFrame(
@@ -195,7 +195,7 @@ def _write_masks(masks: SeriesMasks, project_path: Path, record: PreparationReco
     written = []
     for name, usable in masks.finish().items():
         drawn: Array = np.where(usable, np.uint8(255), np.uint8(0))
-        write_atomic(project_path / "masks" / f"{name}.png", encode_grey8(drawn, ".png"))
+        write_bytes(encode_grey8(drawn, ".png"), project_path / "masks" / f"{name}.png")
         record.mask_effect[name] = (masks.effects[name].area, masks.effects[name].texture)
         written.append(f"{name}.png")
     record.masks.extend(written)

@@ -1,15 +1,103 @@
-"""Small files written whole or not at all."""
+"""Files and folders written whole or not at all: aside first, then renamed.
+
+Who looks sees the old one or the new one, and never half of either. What a killed process left
+aside is overwritten when the same thing is written again.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from semsfm_colmap.errors import UsageError
 
-def write_json(data: Any, path: Path) -> None:
-    """Write aside, then rename; numpy numbers become plain ones."""
-    aside = path.with_name(f".{path.name}.part")
-    aside.write_text(json.dumps(data, indent=1, default=float) + "\n", encoding="utf-8")
-    os.replace(aside, path)
+MAX_NAME_BYTES = 200
+"""File systems take names of 255 bytes: longer ones than this are cut aside."""
+
+
+def aside_path(path: Path, suffix: str = ".part", *, shared: bool = False) -> Path:
+    """A hidden name beside `path`: its own, cut where it is long.
+
+    Parameters
+    ----------
+    shared : two processes may write the file at a time: each takes a name of its own. What is
+        written into a project needs none, it is locked, and finds its leftovers again.
+
+    """
+    name = os.fsencode(path.name)
+    if len(name) > MAX_NAME_BYTES:
+        # long names often differ at their end
+        name = name[:MAX_NAME_BYTES] + b".%08x" % zlib.crc32(name)
+    process = f".{os.getpid()}" if shared else ""
+    return path.with_name(f".{os.fsdecode(name)}{process}{suffix}")
+
+
+@contextmanager
+def file_aside(path: Path, *, shared: bool = False) -> Iterator[Path]:
+    """Where to write a file that takes the place of `path` when the block ends.
+
+    When the block fails, what it wrote is removed and `path` is as it was.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    aside = aside_path(path, shared=shared)
+    try:
+        yield aside
+        os.replace(aside, path)
+    except BaseException:
+        with suppress(OSError):
+            aside.unlink(missing_ok=True)
+        raise
+
+
+@contextmanager
+def folder_aside(path: Path) -> Iterator[Path]:
+    """An empty folder that takes the place of `path` as a whole when the block ends.
+
+    When the block fails, it is removed and `path` is as it was.
+    """
+    aside = aside_path(path)
+    shutil.rmtree(aside, ignore_errors=True)
+    aside.mkdir(parents=True)
+    try:
+        yield aside
+        replace_folder(aside, path)
+    except BaseException:
+        shutil.rmtree(aside, ignore_errors=True)
+        raise
+
+
+def replace_folder(aside: Path, path: Path) -> None:
+    """Put a finished folder in the place of an older one, which has no call of its own."""
+    old = aside_path(path, ".old")
+    shutil.rmtree(old, ignore_errors=True)
+    if path.exists():
+        os.rename(path, old)
+    os.rename(aside, path)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def write_bytes(content: bytes, path: Path, *, shared: bool = False) -> None:
+    """Write a file; UsageError when that cannot be done."""
+    try:
+        with file_aside(path, shared=shared) as aside:
+            aside.write_bytes(content)
+    except OSError as error:
+        raise UsageError(
+            f"{path} cannot be written ({error.strerror or error}); check the output folder."
+        ) from error
+
+
+def write_text(text: str, path: Path, *, shared: bool = False) -> None:
+    """Write a text in UTF-8; UsageError when that cannot be done."""
+    write_bytes(text.encode("utf-8"), path, shared=shared)
+
+
+def write_json(data: Any, path: Path, *, shared: bool = False) -> None:
+    """Write JSON, numpy numbers as plain ones; UsageError when that cannot be done."""
+    write_text(json.dumps(data, indent=1, default=float) + "\n", path, shared=shared)

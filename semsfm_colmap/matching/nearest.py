@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.matching.nearest_kernels import search_block
 from semsfm_colmap.types import Array, Float, Int
 
 BLOCK_BYTES = 32 << 20
@@ -117,8 +118,6 @@ def nearest_two(
     Ties go to the smaller index. Blocks of rows are multiplied by BLAS, which uses its own
     threads, then searched by ours.
     """
-    from semsfm_colmap.matching.nearest_kernels import search_block
-
     threads = min(num_threads or os.cpu_count() or 1, MAX_THREADS)
     n1, n2 = len(a), len(b)
     place1 = _positions(xy1, n1)

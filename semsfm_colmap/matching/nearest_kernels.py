@@ -1,4 +1,4 @@
-"""Compiled search of a block of distances. Only imported inside functions."""
+"""Compiled search of a block of distances (see `nearest`)."""
 
 from __future__ import annotations
 

@@ -12,34 +12,20 @@ free. Gauge: none is fixed, the damping picks the smallest step; the magnificati
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
-import numba
 import numpy as np
 from scipy import sparse
 
-from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions, minimise
+from semsfm_colmap.geometry.eliminated import minimise
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.geometry.threads import threads_for
+from semsfm_colmap.refinement.adjustment import Adjustment, BundleSettings, PoseModel
+from semsfm_colmap.refinement.bundle_kernels import fill_jacobian
 from semsfm_colmap.refinement.known_angles import AnglePrior
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Solution
 
-
-@numba.njit(cache=True, parallel=True)
-def _jacobian(R, scale, a, k, X, image_idx, track_idx, J):  # type: ignore[no-untyped-def]
-    for o in numba.prange(len(image_idx)):
-        i, j = image_idx[o], track_idx[o]
-        s = scale[i]
-        u = R[i, 0, 0] * X[j, 0] + R[i, 0, 1] * X[j, 1] + R[i, 0, 2] * X[j, 2]
-        v = R[i, 1, 0] * X[j, 0] + R[i, 1, 1] * X[j, 1] + R[i, 1, 2] * X[j, 2]
-        z = R[i, 2, 0] * X[j, 0] + R[i, 2, 1] * X[j, 1] + R[i, 2, 2] * X[j, 2]
-        # dy_x/dw = (0, y_z, -y_y), dy_y/dw = (-y_z, 0, y_x)
-        J[o, 0, 0], J[o, 0, 1], J[o, 0, 2] = -s * k * z, s * z, s * (k * u - v)
-        J[o, 1, 0], J[o, 1, 2] = -s * a * z, s * a * u
-        J[o, 0, 3], J[o, 1, 3] = s * (u + k * v), s * a * v
-        J[o, 0, 4] = J[o, 1, 5] = 1.0
-        if J.shape[2] == 8:
-            J[o, 1, 6] = s * v
-            J[o, 0, 7] = s * v
+P = TypeVar("P")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,6 +67,10 @@ class BundleModel:
             angles=angles,
         )
 
+    def poses(self, params: OrthographicCameras) -> OrthographicCameras:
+        """The parameters are the cameras."""
+        return params
+
     def cameras(self, params: OrthographicCameras) -> tuple[Float, Float]:
         """The affine form of the cameras."""
         return params.projection, np.asarray(params.translation_px)
@@ -91,7 +81,7 @@ class BundleModel:
         """(O, 2, 6 or 8), see the module's formula."""
         J = np.zeros((len(image_idx), 2, self.param_idx.shape[1]))
         with threads_for(len(image_idx)):
-            _jacobian(
+            fill_jacobian(
                 np.ascontiguousarray(params.cam_from_world),
                 np.ascontiguousarray(params.scale_px_per_unit),
                 params.aspect,
@@ -150,14 +140,10 @@ class BundleModel:
 def bundle_adjust(
     cameras: OrthographicCameras,
     observations: Observations,
+    settings: BundleSettings | None = None,
     *,
-    camera_model: str = "scaled_orthographic",
-    scale_sigma: float = 0.001,
-    affine_sigma: float = 0.003,
-    sigma_px: float = 0.3,
     angles: AnglePrior | None = None,
-    solver: SolverOptions | None = None,
-) -> Solution[tuple[OrthographicCameras, Float]]:
+) -> Solution[Adjustment[OrthographicCameras]]:
     """Refine cameras and points to the minimum of the robust reprojection error.
 
     Parameters
@@ -165,31 +151,31 @@ def bundle_adjust(
     cameras : magnifications near 1 px per unit (the prior's mean)
     observations : sorted by track, every track seen at least twice
     angles : known angles between images
-    sigma_px : measurement noise per coordinate; balances the data against the priors
-
-    Returns
-    -------
-    Solution of (cameras, points (N, 3)); ``diagnostics`` holds the final `Eliminated` state
 
     """
-    if camera_model == "orthographic":
+    settings = settings or BundleSettings()
+    if settings.camera_model == "orthographic":
         cameras = replace(cameras, scale_px_per_unit=np.ones(len(cameras)))
     model = BundleModel.build(
         len(cameras),
-        free_scale=camera_model != "orthographic",
-        free_affine=camera_model == "affine",
-        scale_sigma=scale_sigma,
-        affine_sigma=affine_sigma,
+        free_scale=settings.camera_model != "orthographic",
+        free_affine=settings.camera_model == "affine",
+        scale_sigma=settings.scale_sigma,
+        affine_sigma=settings.affine_sigma,
         angles=angles,
     )
-    end: Eliminated[OrthographicCameras] = minimise(
-        model, cameras, observations, sigma_px=sigma_px, options=solver
-    )
+    return adjust(model, cameras, observations, settings)
+
+
+def adjust(
+    model: PoseModel[P], params: P, observations: Observations, settings: BundleSettings
+) -> Solution[Adjustment[P]]:
+    """Search from `params` with any camera parametrisation."""
+    end = minimise(model, params, observations, sigma_px=settings.sigma_px, options=settings.solver)
     return Solution(
-        value=(end.params, end.X),
+        value=Adjustment(model=model, state=end),
         status="ok" if end.converged else "iteration_limit",
         message="" if end.converged else "bundle adjustment stopped before it converged",
         iterations=end.iterations,
         costs=end.costs,
-        diagnostics={"state": end, "model": model},
     )

@@ -19,24 +19,23 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numba
 import numpy as np
 from scipy import sparse
 from scipy.linalg import LinAlgError
 
 from semsfm_colmap.geometry.band import BandFactor, BandMatrix
 from semsfm_colmap.geometry.eliminated import (
-    CameraModel,
     Eliminated,
     ReducedSystem,
     linearise,
     precision_of,
 )
 from semsfm_colmap.geometry.losses import gaussian_constants, weight
-from semsfm_colmap.geometry.points import add_observation, invert_symmetric, track_pointer
+from semsfm_colmap.geometry.points import track_pointer
 from semsfm_colmap.geometry.reduced import PARALLEL_COST, CovisiblePairs, track_batches
 from semsfm_colmap.geometry.threads import threads_for
-from semsfm_colmap.refinement.bundle import BundleModel
+from semsfm_colmap.refinement.adjustment import PoseModel
+from semsfm_colmap.refinement.covariance_kernels import point_covariance
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Solution
 
 FULL_SIGMAS = 3.0
@@ -88,12 +87,12 @@ class CameraCovariance:
         return C
 
 
-def gauge_directions(model: CameraModel[Any], cameras: OrthographicCameras) -> Float:
+def gauge_directions(model: PoseModel[Any], cameras: OrthographicCameras) -> Float:
     """Orthonormal null space (n, 6) of the reduced system: world rotations and shifts.
 
     Parameters
     ----------
-    model : its first parameters are those of `BundleModel`; any others do not matter at zero
+    cameras : the poses among its parameters
 
     """
     M = len(cameras)
@@ -111,56 +110,6 @@ def gauge_directions(model: CameraModel[Any], cameras: OrthographicCameras) -> F
     assert len(Q) == model.num_params
     assert M > 0
     return Q
-
-
-@numba.njit(cache=True, parallel=True)
-def _point_covariance(  # type: ignore[no-untyped-def]
-    J, A, w, image_idx, pointer, tracks, begin_row, lookup, C, out
-):
-    p = J.shape[2]
-    for t in numba.prange(len(tracks)):
-        j = tracks[t]
-        begin, end = pointer[j], pointer[j + 1]
-        # where the track begins in J
-        shift = begin_row[t] - begin
-        H = np.zeros((3, 3))
-        b = np.zeros(3)
-        inverse = np.zeros((3, 3))
-        for o in range(begin, end):
-            add_observation(H, b, A[image_idx[o]], 0.0, 0.0, w[o])
-        if not invert_symmetric(H, inverse):
-            out[j] = np.nan
-            continue
-        E = np.zeros((end - begin, p, 3))
-        for o in range(begin, end):
-            i = image_idx[o]
-            for k in range(p):
-                for m in range(3):
-                    E[o - begin, k, m] = w[o] * (
-                        J[o + shift, 0, k] * A[i, 0, m] + J[o + shift, 1, k] * A[i, 1, m]
-                    )
-        # B = E^T C E, summed over all pairs of observations of the track
-        B = np.zeros((3, 3))
-        CE = np.zeros((p, 3))
-        for o in range(begin, end):
-            for q in range(begin, o + 1):
-                # stored for (later, earlier image); tracks are sorted by image
-                block = C[lookup[image_idx[o], image_idx[q]]]
-                CE[:] = 0.0
-                for k in range(p):
-                    for m in range(p):
-                        for y in range(3):
-                            CE[k, y] += block[k, m] * E[q - begin, m, y]
-                for x in range(3):
-                    for y in range(3):
-                        value = 0.0
-                        for k in range(p):
-                            value += E[o - begin, k, x] * CE[k, y]
-                        B[x, y] += value
-                        # the pair the other way round is the transpose
-                        if q < o:
-                            B[y, x] += value
-        out[j] = inverse + inverse @ B @ inverse
 
 
 def hold_world(
@@ -198,16 +147,12 @@ def information_weight(state: Eliminated[Any], precision: Float) -> Float:
 
 
 def estimate_covariance(
-    model: CameraModel[Any],
+    model: PoseModel[Any],
     state: Eliminated[Any],
     observations: Observations,
     sigma_px: float,
 ) -> Solution[Covariance]:
     """Error bars of a converged bundle adjustment.
-
-    Parameters
-    ----------
-    model : `BundleModel`, or with cameras as the first of its parameters `ScanDriftModel`
 
     Shared parameters (aspect, skew) are included in the cameras' covariance; their coupling to a
     point is counted once an observation, which is exact.
@@ -218,7 +163,7 @@ def estimate_covariance(
     system = ReducedSystem.of(model, state.params, observations, pointer)
     S, _ = linearise(model, replace(state, weight=w), observations, pointer, sigma_px, system)
     w = w * precision
-    cameras = state.params if isinstance(model, BundleModel) else state.params[0]
+    cameras = model.poses(state.params)
     N = gauge_directions(model, cameras)
     pairs, param_idx = system.pairs, model.param_idx
     hold_world(S, N, np.asarray(cameras.viewing_direction), pairs, param_idx)
@@ -240,7 +185,7 @@ def estimate_covariance(
         rows = batch.rows
         J = model.jacobian(state.params, state.X, image_idx[rows], track_idx[rows])
         with threads_for(PARALLEL_COST * len(J)):
-            _point_covariance(
+            point_covariance(
                 J, A, w, image_idx, pointer, batch.tracks, batch.begin_row, pairs.lookup, blocks,
                 points,
             )  # fmt: skip

@@ -6,9 +6,9 @@ A fit with u unknowns to n numbers leaves residuals whose squares sum to (n - u)
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from semsfm_colmap.refinement.noise_kernels import sums_within
 from semsfm_colmap.types import Float, Int
 
 TAIL = 4.5
@@ -23,18 +23,6 @@ def expected_share(track_length: Int, num_images: int, num_observations: int) ->
     """The share of the noise's variance that a fit leaves in a residual, by the track's length."""
     camera_share = 3.0 * num_images / num_observations
     return np.maximum(1.0 - 1.5 / np.maximum(track_length, 2) - camera_share, 0.05)
-
-
-@numba.njit(cache=True)
-def _sums_within(r, precision, pointer, share, limit):  # type: ignore[no-untyped-def]
-    squares, expected = 0.0, 0.0
-    for j in range(len(share)):
-        for o in range(pointer[j], pointer[j + 1]):
-            norm2 = (r[o, 0] * r[o, 0] + r[o, 1] * r[o, 1]) * precision[o]
-            if norm2 < limit:
-                squares += norm2
-                expected += share[j]
-    return squares, expected
 
 
 def noise_sigma(r: Float, precision: Float, pointer: Int, num_images: int) -> float:
@@ -58,5 +46,5 @@ def noise_sigma(r: Float, precision: Float, pointer: Int, num_images: int) -> fl
     # the median of a Rayleigh distribution is sqrt(2 ln 2) sigma
     first = np.sqrt(np.median(norm2) / (2.0 * np.log(2.0)))
     limit = (TAIL * max(first, 1e-12)) ** 2
-    squares, expected = _sums_within(r, precision, pointer, share, limit)
+    squares, expected = sums_within(r, precision, pointer, share, limit)
     return max(float(np.sqrt(squares / (2.0 * expected))), MIN_SIGMA_PX)

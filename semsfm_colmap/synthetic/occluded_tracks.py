@@ -184,12 +184,8 @@ def _sample(mesh: Mesh, num: int, rng: np.random.Generator) -> tuple[Float, Floa
 
 def _visible(mesh: Mesh, points: Float, normals: Float, cameras: OrthographicCameras) -> Bool:
     """(M, N): faces the viewer, and nothing lies between."""
-    import numba
-
     from semsfm_colmap.synthetic.rays import ray_scene, ray_tensor
 
-    # open3d brings a TBB that numba finds too old and warns of: numba shall ask for it last
-    numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
     scene = ray_scene(*mesh)
     visible = np.zeros((len(cameras), len(points)), dtype=bool)
     for i, direction in enumerate(cameras.viewing_direction):

@@ -12,68 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numba
 import numpy as np
 
+from semsfm_colmap.tracks.build_kernels import join, roots
 from semsfm_colmap.types import Array, Float, Int, Observations
 
 SAME_PLACE_PX = 0.01
 """Keypoints closer than this are one."""
-
-
-@numba.njit(cache=True)
-def _find(parent, k):  # type: ignore[no-untyped-def]
-    while parent[k] != k:
-        parent[k] = parent[parent[k]]
-        k = parent[k]
-    return k
-
-
-@numba.njit(cache=True)
-def _join(first, second, image, parent, num_images):  # type: ignore[no-untyped-def]
-    """Union-find over nodes; members of a track form a ring, so two tracks are compared cheaply."""
-    n = len(parent)
-    ring = np.arange(n)
-    size = np.ones(n, dtype=np.int64)
-    mark = np.full(num_images, -1, dtype=np.int64)
-    refused = 0
-    for e in range(len(first)):
-        a, b = _find(parent, first[e]), _find(parent, second[e])
-        if a == b:
-            continue
-        if size[a] < size[b]:
-            a, b = b, a
-        # images of the smaller track are looked up among those of the larger
-        k = a
-        while True:
-            mark[image[k]] = e
-            k = ring[k]
-            if k == a:
-                break
-        clash = False
-        k = b
-        while True:
-            if mark[image[k]] == e:
-                clash = True
-                break
-            k = ring[k]
-            if k == b:
-                break
-        if clash:
-            refused += 1
-            continue
-        parent[b] = a
-        size[a] += size[b]
-        ring[a], ring[b] = ring[b], ring[a]
-    return refused
-
-
-@numba.njit(cache=True)
-def _roots(parent):  # type: ignore[no-untyped-def]
-    root = np.empty_like(parent)
-    for k in range(len(parent)):
-        root[k] = _find(parent, k)
-    return root
 
 
 def canonical_keypoints(xy: Float) -> Int:
@@ -127,8 +72,8 @@ def build_tracks(
         a, b, r = np.concatenate(first), np.concatenate(second), np.concatenate(trust)
         order = np.argsort(r, kind="stable")
         counts["num_matches"] = len(order)
-        counts["num_refused"] = int(_join(a[order], b[order], image, parent, len(keypoints)))
-    root = _roots(parent)
+        counts["num_refused"] = int(join(a[order], b[order], image, parent, len(keypoints)))
+    root = roots(parent)
     root = root[canonical]
     node = np.arange(total)[canonical == np.arange(total)]
     root = root[node]

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
+from semsfm_colmap.tracks.diagnosis_kernels import count_common
 from semsfm_colmap.types import Int, Observations
 
 SAME_PICTURE_PX = 0.05
@@ -78,23 +78,13 @@ class TrackDiagnosis:
         return found
 
 
-@numba.njit(cache=True)
-def _count(pointer, image_idx, xy, limit2, common, same):  # type: ignore[no-untyped-def]
-    for j in range(len(pointer) - 1):
-        for a in range(pointer[j], pointer[j + 1]):
-            for b in range(pointer[j], a):
-                du, dv = xy[a, 0] - xy[b, 0], xy[a, 1] - xy[b, 1]
-                common[image_idx[b], image_idx[a]] += 1
-                same[image_idx[b], image_idx[a]] += du * du + dv * dv < limit2
-
-
 def repeated_pictures(observations: Observations) -> tuple[tuple[int, int], ...]:
     """Pairs of images (a < b) whose common tracks lie at the same places."""
     obs = observations
     shape = (obs.num_images, obs.num_images)
     common, same = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
     bounds: Int = np.searchsorted(obs.track_idx, np.arange(obs.num_tracks + 1))
-    _count(bounds, obs.image_idx, obs.xy, SAME_PICTURE_PX**2, common, same)
+    count_common(bounds, obs.image_idx, obs.xy, SAME_PICTURE_PX**2, common, same)
     a, b = np.nonzero((common >= MIN_COMMON) & (same >= SAME_PICTURE_SHARE * common))
     return tuple((int(min(i, j)), int(max(i, j))) for i, j in zip(a, b, strict=True))
 

@@ -17,10 +17,9 @@ from semsfm_colmap.geometry.losses import (
     LOSS_NUMBER,
     gaussian_constants,
     loss,
-    loss_of,
     weight,
-    weight_of,
 )
+from semsfm_colmap.geometry.losses_kernels import loss_of, weight_of
 from semsfm_colmap.geometry.points import fit_points, residuals, solve_points, track_pointer
 from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.refinement.bundle import BundleModel

@@ -7,7 +7,6 @@ SIFT was the only descriptor.
 
 from __future__ import annotations
 
-import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -15,6 +14,7 @@ from urllib.parse import quote
 
 from semsfm_colmap.colmap.database.checks import database_sentence
 from semsfm_colmap.colmap.database.reader import database_uri, read_database
+from semsfm_colmap.colmap.database.scratch import database_aside
 from semsfm_colmap.errors import InputError, UsageError
 
 VERSION = 3800
@@ -74,12 +74,15 @@ def write_database_38(source: Path, target: Path) -> None:
     with read_database(source) as reader:
         if not reader.images():
             raise InputError(f"{source} holds no images")
-    aside = target.with_name(f".{target.name}.part")
-    aside.unlink(missing_ok=True)
     try:
-        with closing(
-            sqlite3.connect(f"file:{quote(str(aside.resolve()))}", uri=True, isolation_level=None)
-        ) as db:
+        with (
+            database_aside(target) as aside,
+            closing(
+                sqlite3.connect(
+                    f"file:{quote(str(aside.resolve()))}", uri=True, isolation_level=None
+                )
+            ) as db,
+        ):
             db.executescript(SCHEMA)
             db.execute(f"PRAGMA user_version = {VERSION}")
             db.execute("ATTACH ? AS new", (database_uri(source),))
@@ -97,9 +100,5 @@ def write_database_38(source: Path, target: Path) -> None:
             if columns:
                 db.execute(SIFT_ONLY.format("type = 0" if "type" in columns else "TRUE"))
             db.execute("COMMIT")
-    except (sqlite3.Error, InputError) as error:
-        aside.unlink(missing_ok=True)
-        if isinstance(error, InputError):
-            raise
+    except sqlite3.Error as error:
         raise InputError(database_sentence(source, error)) from error
-    os.replace(aside, target)

@@ -16,6 +16,7 @@ import numpy as np
 from semsfm_colmap.colmap.database.reader import ImagePair, read_database
 from semsfm_colmap.colmap.database.work import write_features, write_matches
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.atomic import file_aside
 
 NO_SIFT = (0, np.zeros((0, 128), dtype=np.uint8))
 """SIFT of an image in which nothing was found: recorded, so that it is not searched again."""
@@ -29,6 +30,19 @@ def scratch_database(beside: Path) -> Iterator[Path]:
     try:
         yield path
     finally:
+        remove_database(path)
+
+
+@contextmanager
+def database_aside(path: Path) -> Iterator[Path]:
+    """Where to fill a database that takes the place of `path` when the block ends."""
+    with file_aside(path) as aside:
+        remove_database(aside)
+        try:
+            yield aside
+        except BaseException:
+            remove_database(aside)
+            raise
         remove_database(path)
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,6 +28,7 @@ from semsfm_colmap.colmap.model.telecentric import (
 )
 from semsfm_colmap.colmap.options import ExportOptions
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.atomic import folder_aside
 from semsfm_colmap.types import Array, Float, Observations, Reconstruction
 
 
@@ -68,8 +67,8 @@ def model_deviation(model: Any, reconstruction: Reconstruction) -> float:
 
 def build_model(
     reconstruction: Reconstruction,
-    database_images: dict[str, DatabaseImage],
-    keypoints: dict[str, Float],
+    database_images: Mapping[str, DatabaseImage],
+    keypoints: Mapping[str, Float],
     focal_length_px: float,
 ) -> Any:
     """A pycolmap.Reconstruction with the telecentric pinhole; image ids are the database's."""
@@ -121,8 +120,8 @@ def build_model(
 def write_model(
     reconstruction: Reconstruction,
     path: Path,
-    database_images: dict[str, DatabaseImage],
-    keypoints: dict[str, Float],
+    database_images: Mapping[str, DatabaseImage],
+    keypoints: Mapping[str, Float],
     options: ExportOptions,
     *,
     reliability: Mapping[str, Any] | None = None,
@@ -144,36 +143,23 @@ def write_model(
         options.max_deviation_px,
     )
     model = build_model(reconstruction, database_images, keypoints, focal)
-    aside = path.with_name(f".{path.name}.part")
-    shutil.rmtree(aside, ignore_errors=True)
-    aside.mkdir(parents=True)
-    model.write_binary(str(aside))
-    deviation = model_deviation(pycolmap.Reconstruction(str(aside)), reconstruction)
-    if reconstruction.cameras.skew == 0.0 and deviation > 1.01 * options.max_deviation_px:
-        raise InputError(
-            f"the pinhole camera with f = {focal:.3g} px deviates by {deviation:.3g} px, more than "
-            f"the bound of {options.max_deviation_px} px: raise --export.max_deviation_px"
-        )
-    data = sidecar_dict(reconstruction, focal, deviation, reliability)
-    (aside / FILE_NAME).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-    write_points_ply(reconstruction, aside / POINTS_FILE_NAME)
-    replace_folder(aside, path)
+    with folder_aside(path) as aside:
+        model.write_binary(str(aside))
+        deviation = model_deviation(pycolmap.Reconstruction(str(aside)), reconstruction)
+        if reconstruction.cameras.skew == 0.0 and deviation > 1.01 * options.max_deviation_px:
+            raise InputError(
+                f"the pinhole camera with f = {focal:.3g} px deviates by {deviation:.3g} px, more "
+                f"than the bound of {options.max_deviation_px} px: raise --export.max_deviation_px"
+            )
+        data = sidecar_dict(reconstruction, focal, deviation, reliability)
+        (aside / FILE_NAME).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        write_points_ply(reconstruction, aside / POINTS_FILE_NAME)
     return WrittenModel(
         path=path,
         focal_length_px=focal,
         max_deviation_px=deviation,
         mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
     )
-
-
-def replace_folder(aside: Path, path: Path) -> None:
-    """Put a finished folder in the place of an older one."""
-    old = path.with_name(f".{path.name}.old")
-    shutil.rmtree(old, ignore_errors=True)
-    if path.exists():
-        os.rename(path, old)
-    os.rename(aside, path)
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def read_model(path: Path) -> Reconstruction:

@@ -10,6 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from semsfm_colmap.features.descriptors.histogram_kernels import gradient_histograms
 from semsfm_colmap.types import Array, Float, Int
 
 CLIP = 0.2
@@ -71,8 +72,6 @@ def _histogram(
     *,
     edge_share: float = 0.0,
 ) -> Array:
-    from semsfm_colmap.features.descriptors.kernels import gradient_histograms
-
     return np.asarray(
         gradient_histograms(patches, place, weight, num_places, num_directions, edge_share)
     )

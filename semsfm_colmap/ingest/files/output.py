@@ -2,34 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from semsfm_colmap.errors import UsageError
 from semsfm_colmap.types import Array
 
 LOSSLESS_SUFFIXES = (".png", ".tif", ".tiff")
-
-
-def write_atomic(path: Path, content: bytes) -> None:
-    """Write aside and rename, so that an interrupted run leaves no half file."""
-    aside = path.with_name(f".{path.name[:200]}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        aside.write_bytes(content)
-        os.replace(aside, path)
-    except OSError as error:
-        with suppress(OSError):
-            aside.unlink(missing_ok=True)
-        raise UsageError(
-            f"{path} cannot be written ({error.strerror}); check the output folder."
-        ) from error
-    except BaseException:
-        aside.unlink(missing_ok=True)
-        raise
 
 
 def encode_grey8(pixels: Array, suffix: str) -> bytes:

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import asdict, fields
 from pathlib import Path
 
-from semsfm_colmap.ingest.files.output import write_atomic
 from semsfm_colmap.ingest.inspect.inspection import Inspection, InspectionRow
+from semsfm_colmap.io.atomic import write_text
 
 WIDTH = 100
 """Columns of the text where the terminal does not say."""
@@ -115,7 +115,7 @@ def write_inspection_json(inspection: Inspection, path: Path) -> None:
     """One object per image, with null where nothing is recorded."""
     rows = [{name: getattr(row, name) for name in FILE_FIELDS} for row in inspection.rows]
     text = json.dumps(rows, indent=1, ensure_ascii=False, allow_nan=False)
-    write_atomic(path, (text + "\n").encode())
+    write_text(text + "\n", path, shared=True)
 
 
 def write_inspection_csv(inspection: Inspection, path: Path) -> None:
@@ -127,7 +127,7 @@ def write_inspection_csv(inspection: Inspection, path: Path) -> None:
         values = asdict(row)
         values["warnings"] = "; ".join(row.warnings)
         writer.writerow(["" if values[name] is None else values[name] for name in FILE_FIELDS])
-    write_atomic(path, buffer.getvalue().encode())
+    write_text(buffer.getvalue(), path, shared=True)
 
 
 def _remarks(inspection: Inspection, width: int) -> list[str]:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.ingest.files.output import write_atomic
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.io.atomic import write_text
 from semsfm_colmap.types import SemFrame, SemMetadata, SemSeries
 
 FORMAT = "semsfm-series"
@@ -57,7 +57,7 @@ def write_series(series: SemSeries, path: Path, *, record: PreparationRecord | N
         "preparation": asdict(record or PreparationRecord()),
     }
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
-    write_atomic(path, (text + "\n").encode())
+    write_text(text + "\n", path)
 
 
 def read_preparation(path: Path) -> PreparationRecord:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.matching.guided.align_kernels import align_all, cut_patches, prepare_all
 from semsfm_colmap.types import Array, Bool, Float, Int
 
 PIXEL_CENTRE = 0.5
@@ -56,15 +57,11 @@ def gaussian_window(radius: int, sigma: float) -> Array:
 
 def read_patches(image: Array, xy: Float, radius: int) -> Array:
     """Patches (K, n, n) float32 around places, n = 2 radius + 1; nan where they leave the image."""
-    from semsfm_colmap.matching.guided.align_kernels import read_patches as kernel
-
-    return np.asarray(kernel(image, np.ascontiguousarray(xy - PIXEL_CENTRE), radius))
+    return np.asarray(cut_patches(image, np.ascontiguousarray(xy - PIXEL_CENTRE), radius))
 
 
 def prepare_templates(patches: Array, window_sigma_px: float) -> Templates:
     """Patches (K, n, n), nan where there is none, made ready for alignment."""
-    from semsfm_colmap.matching.guided.align_kernels import prepare_all
-
     window = gaussian_window((patches.shape[1] - 1) // 2, window_sigma_px)
     gradient, texture, inverse, spread, contrast = prepare_all(
         np.ascontiguousarray(patches), window
@@ -98,8 +95,6 @@ def align_patches(
     xy, warp : (K, 2) px and (K, 2, 2), predicted
 
     """
-    from semsfm_colmap.matching.guided.align_kernels import align_all
-
     out = align_all(
         np.ascontiguousarray(which),
         templates.gradient,

@@ -1,4 +1,4 @@
-"""Compiled alignment of a patch with its predicted affine warp. Only imported inside functions.
+"""Compiled alignment of a patch with its predicted affine warp.
 
 The patch T(p) around a point in its reference image and the other image J, read at
 ``W (p + u) + x`` with W the predicted affine map, are aligned by the shift u that minimises
@@ -253,7 +253,7 @@ def align(
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
-def read_patches(image: Array, places: Array, radius: int) -> Array:
+def cut_patches(image: Array, places: Array, radius: int) -> Array:
     """Patches (K, n, n) around pixel indices (K, 2); nan where they leave the image."""
     n = 2 * radius + 1
     out = np.full((len(places), n, n), np.nan, dtype=np.float32)

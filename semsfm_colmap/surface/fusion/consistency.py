@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.surface.fusion.vote_kernels import add_votes
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.views import affine_sweep
 from semsfm_colmap.types import Array, DepthMap, Float, Int, OrthographicCameras
@@ -82,8 +83,6 @@ def vote(
     options : tolerances
 
     """
-    from semsfm_colmap.surface.fusion.vote_kernels import add_votes
-
     shape = depth_map.depth.shape
     unit = depth_map_unit(cameras, image_idx, image_sizes[image_idx], depth_map)
     agreeing = np.zeros(shape, dtype=np.uint8)

@@ -21,6 +21,7 @@ from semsfm_colmap.surface.fusion.cloud import dominant_layer, select, smooth_al
 from semsfm_colmap.surface.fusion.consistency import camera_normals, depth_map_unit, vote
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import raster_reader
+from semsfm_colmap.surface.stereo.refine_kernels import local_planes
 from semsfm_colmap.surface.stereo.views import choose_neighbors
 from semsfm_colmap.types import (
     Array,
@@ -121,8 +122,6 @@ def _points(
     options: SurfaceOptions,
 ) -> Float:
     """Rows (weight, position, normal, grey, variance) of one map's accepted pixels: (n, 9)."""
-    from semsfm_colmap.surface.stereo.refine_kernels import local_planes
-
     cameras = reconstruction.cameras
     sizes = reconstruction.image_size_px
     unit = depth_map_unit(cameras, image_idx, sizes[image_idx], depth_map)

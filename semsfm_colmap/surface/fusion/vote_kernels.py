@@ -1,7 +1,4 @@
-"""Compiled kernel of the fusion: what the other depth maps say about each pixel of one.
-
-Only imported by `consistency`, inside functions: numba takes a second to load.
-"""
+"""Compiled kernel of the fusion: what the other depth maps say about each pixel of one."""
 
 from __future__ import annotations
 

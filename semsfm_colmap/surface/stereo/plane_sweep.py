@@ -20,6 +20,9 @@ import numpy as np
 
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import Raster, raster_reader
+from semsfm_colmap.surface.stereo.refine_kernels import local_planes, slanted_step
+from semsfm_colmap.surface.stereo.sgm_kernels import best_label, semi_global_sum
+from semsfm_colmap.surface.stereo.sweep_kernels import MAX_COST, correlation_volume
 from semsfm_colmap.surface.stereo.views import (
     AffineSweep,
     affine_sweep,
@@ -116,7 +119,6 @@ def sweep_depth_map(
 
     """
     from semsfm_colmap.surface.stereo.background import background, uncorrelated_region
-    from semsfm_colmap.surface.stereo.refine_kernels import local_planes
 
     name = reconstruction.image_names[reference]
     shape = readers[-1](reference).grey.shape
@@ -202,9 +204,6 @@ def _sweep(
     Correlation volume, semi-global smoothing of the offsets from the base, vertex of the parabola.
     Only the rectangle with texture is swept; beside it the depth is nan and the correlation 0.
     """
-    from semsfm_colmap.surface.stereo.sgm_kernels import best_label, semi_global_sum
-    from semsfm_colmap.surface.stereo.sweep_kernels import MAX_COST, correlation_volume
-
     depth = np.full(level.grey.shape, np.nan, dtype=np.float32)
     score = np.zeros(level.grey.shape, dtype=np.float32)
     rows, columns = _textured(level, base, margin=4 * options.sweep_window_radius_px)
@@ -249,8 +248,6 @@ def _refine(
     level: _Level, depth: Array, score: Array, options: SurfaceOptions
 ) -> tuple[Array, Array]:
     """Gauss-Newton on windows that lie in the local planes: sharper depth, its correlation."""
-    from semsfm_colmap.surface.stereo.refine_kernels import local_planes, slanted_step
-
     window, window_weight = _window(options.window_radius_px)
     gradient = _epipolar_gradient(level)
     for _ in range(options.num_refinements):

@@ -1,7 +1,4 @@
-"""Compiled kernels that sharpen a depth map: local slopes and Gauss-Newton on slanted windows.
-
-Only imported by `plane_sweep`, inside functions: numba takes a second to load.
-"""
+"""Compiled kernels that sharpen a depth map: local slopes and Gauss-Newton on slanted windows."""
 
 from __future__ import annotations
 
@@ -147,7 +144,7 @@ def slanted_step(
                 map_j[0], map_j[1] = B[j, 0, 0] + c[j, 0] * p, B[j, 0, 1] + c[j, 0] * q
                 map_j[2], map_j[3] = B[j, 1, 0] + c[j, 1] * p, B[j, 1, 1] + c[j, 1] * q
                 map_j[4], map_j[5] = u, v
-                _view_terms(views[j], map_j, offset, weight, a, noise[1 + j], b, g, terms[j])
+                view_terms(views[j], map_j, offset, weight, a, noise[1 + j], b, g, terms[j])
 
             best = max(terms[:, 0].max(), 0.0)
             sum_w = mean_ncc = numerator = denominator = 0.0
@@ -210,7 +207,7 @@ def _reference_window(
 
 
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
-def _view_terms(
+def view_terms(
     view: Array,
     affine: Array,
     offset: Array,

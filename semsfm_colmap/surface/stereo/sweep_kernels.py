@@ -1,7 +1,4 @@
-"""Compiled kernel of the plane sweep: window correlation for every pixel and plane.
-
-Only imported by `plane_sweep`, inside functions: numba takes a second to load.
-"""
+"""Compiled kernel of the plane sweep: window correlation for every pixel and plane."""
 
 from __future__ import annotations
 

@@ -21,6 +21,7 @@ from semsfm_colmap.io.open3d_library import import_open3d
 from semsfm_colmap.surface.mesh.repair import vertex_normals
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import read_raster
+from semsfm_colmap.surface.texture.texture_kernels import add_image, rasterize
 from semsfm_colmap.types import Array, Float, Reconstruction, TriangleMesh
 
 _MIN_COSINE = 0.2
@@ -58,8 +59,6 @@ def texture_mesh(
     the vertex colours
 
     """
-    from semsfm_colmap.surface.texture.texture_kernels import add_image, rasterize
-
     if len(mesh.faces) == 0:
         raise UsageError("mesh has no faces: there is nothing to texture.")
     mesh = simplify(mesh, options.max_texture_faces)

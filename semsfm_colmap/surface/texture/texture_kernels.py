@@ -1,7 +1,4 @@
-"""Compiled kernels of the texture: which face covers a texel, and what an image adds to it.
-
-Only imported by `texture`, inside functions: numba takes a second to load.
-"""
+"""Compiled kernels of the texture: which face covers a texel, and what an image adds to it."""
 
 from __future__ import annotations
 

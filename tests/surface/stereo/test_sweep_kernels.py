@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semsfm_colmap.surface.stereo.refine_kernels import _view_terms, local_planes, slanted_step
+from semsfm_colmap.surface.stereo.refine_kernels import local_planes, slanted_step, view_terms
 from semsfm_colmap.surface.stereo.sgm_kernels import best_label, semi_global_sum
 from semsfm_colmap.surface.stereo.sweep_kernels import MAX_COST, correlation_volume
 from semsfm_colmap.types import Array, Float
@@ -86,13 +86,13 @@ def test_local_planes_keep_to_the_surface_of_the_centre() -> None:
     np.testing.assert_allclose(q[inner], -0.05, rtol=0.08)
 
 
-def view_terms(shift: float, image: Array, window: Float, weight: Array, a: Array) -> Float:
+def terms_at(shift: float, image: Array, window: Float, weight: Array, a: Array) -> Float:
     gradient = np.gradient(image.astype(float), axis=1)
     view = np.ascontiguousarray(np.stack([image, gradient], axis=-1).astype(np.float32))
     affine = np.array([1.02, 0.01, -0.02, 0.99, 20.0 + shift, 15.0], dtype=np.float32)
     terms = np.zeros(3, dtype=np.float32)
     buffers = np.zeros((2, len(window)), dtype=np.float32)
-    _view_terms(view, affine, window, weight, a, 0.0, buffers[0], buffers[1], terms)
+    view_terms(view, affine, window, weight, a, 0.0, buffers[0], buffers[1], terms)
     return terms.astype(float)
 
 
@@ -107,9 +107,9 @@ def test_the_gauss_newton_terms_are_the_derivatives_of_the_correlation() -> None
     a -= weight @ a
     a /= np.sqrt(weight @ a**2)
     step = 0.05
-    correlation, numerator, denominator = view_terms(0.0, image, window, weight, a)
-    high = view_terms(step, image, window, weight, a)[0]
-    low = view_terms(-step, image, window, weight, a)[0]
+    correlation, numerator, denominator = terms_at(0.0, image, window, weight, a)
+    high = terms_at(step, image, window, weight, a)[0]
+    low = terms_at(-step, image, window, weight, a)[0]
     # with |a| = |b| = 1, sum w (a - b)^2 = 2 - 2 corr: its half falls as the numerator says
     assert numerator == pytest.approx((high - low) / (2 * step), rel=0.05)
     assert denominator > 0.0

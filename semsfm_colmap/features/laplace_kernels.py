@@ -1,4 +1,4 @@
-"""Compiled kernels of the detectors. Only imported inside functions: numba takes a second."""
+"""Compiled maps and maxima of the detectors (see `laplace`)."""
 
 from __future__ import annotations
 

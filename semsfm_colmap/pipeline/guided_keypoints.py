@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from semsfm_colmap.colmap.database.measured import write_num_measured
 from semsfm_colmap.colmap.database.work import replace_appended_keypoints
 from semsfm_colmap.geometry.epipolar import estimate_affine_fundamental
-from semsfm_colmap.mapping.guided import guided_matches
+from semsfm_colmap.mapping.keypoints import guided_matches
 from semsfm_colmap.types import Float
 
 if TYPE_CHECKING:
@@ -31,6 +32,9 @@ def write_guided(
     Measured keypoints keep their numbers, descriptors and matches; those of an earlier guided pass
     go. COLMAP sees longer tracks, and the model's points refer to keypoints that are there.
     """
+    write_num_measured(
+        database_path, {images[name].image_id: len(xy) for name, xy in measured.items()}
+    )
     keypoints = {
         images[name].image_id: (len(measured[name]), extended[name][len(measured[name]) :])
         for name in measured

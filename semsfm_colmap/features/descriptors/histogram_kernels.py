@@ -1,4 +1,4 @@
-"""Compiled kernel of the histogram descriptors. Only imported inside functions."""
+"""Compiled gradient histograms of patches (see `histograms`)."""
 
 from __future__ import annotations
 
