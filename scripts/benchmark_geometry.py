@@ -719,7 +719,7 @@ def hand(fit: Any, s: SimulatedTracks) -> Any:
 def table_ceres(data: Path, quick: bool) -> str:
     """Both start from the same disturbed cameras and points and end at the same cost."""
     from semsfm_colmap.colmap.library import pycolmap
-    from semsfm_colmap.colmap.model.telecentric import pinhole_translations
+    from semsfm_colmap.colmap.model.telecentric import pinhole_cameras
 
     rows = []
     for tracks in (6000,) if quick else (6000, 15000):
@@ -757,7 +757,7 @@ def table_ceres(data: Path, quick: bool) -> str:
             camera_id=1,
         )
         model.add_camera_with_trivial_rig(camera)
-        T = pinhole_translations(start, focal, np.full((60, 2), size / 2.0))
+        T = pinhole_cameras(start, np.full((60, 2), size), focal).translation
         number = np.empty(len(obs), dtype=int)
         for i in range(60):
             o = np.flatnonzero(obs.image_idx == i)

@@ -3,8 +3,8 @@
 usage: python scripts/consumers_table.py PROJECT... [--write docs/exports.md]
 
 Runs COLMAP's command line (3.8 from Debian; its rows are left out without it), pycolmap and open3d
-on copies of finished projects with depth maps, and the readers of tests/colmap/exports on the
-exported folders. tests/colmap/exports/test_consumers.py asserts the same on a small project.
+on copies of finished projects with depth maps, and the readers of tests/exports on the
+exported folders. tests/exports/test_consumers.py asserts the same on a small project.
 """
 
 from __future__ import annotations
