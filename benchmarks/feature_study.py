@@ -1,17 +1,16 @@
 """The comparison of detectors and descriptors that docs/features.md shows.
 
-    python scripts/feature_study.py DATA_FOLDER [SERIES ...]
-
-DATA_FOLDER holds the development series. Writes docs/features/<series>/*.csv and *.png. Pictures of
-specimens (figure 3) are not kept: the images have owners.
+DATA_FOLDER holds the development series. Writes docs/features/<series>/*.csv and *.png, of which
+benchmarks.feature_tables makes tables. Pictures of specimens (figure 3) are not kept: the images
+have owners.
 """
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 
+from benchmarks import tables
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.matching.options import MatchingOptions
@@ -24,16 +23,20 @@ NUM_PAIRS = 2
 
 
 def main() -> None:
-    data = Path(sys.argv[1])
-    target = Path(__file__).parents[1] / "docs" / "features"
-    for name in sys.argv[2:] or SERIES:
-        folder = data / name
+    """Command line."""
+    parser = tables.parser("feature_study", __doc__)
+    parser.add_argument("data_folder", type=Path)
+    parser.add_argument("series", nargs="*", default=SERIES)
+    parser.add_argument("--output", type=Path, default=Path("docs/features"))
+    args = parser.parse_args()
+    for name in args.series:
+        folder = args.data_folder / name
         images = folder / "images" if (folder / "images").is_dir() else folder
         truth = folder if (folder / "truth.json").is_file() else None
         begin = time.perf_counter()
         compare_features(
             images,
-            target / name,
+            args.output / name,
             options=CompareOptions(
                 study=StudyOptions(max_num_images=NUM_IMAGES, max_num_pairs=NUM_PAIRS),
                 detection=DetectorOptions(max_num_features=8192),
@@ -42,7 +45,7 @@ def main() -> None:
             ingest=IngestOptions(),
             truth_path=truth,
         )
-        (target / name / "figure03.png").unlink()
+        (args.output / name / "figure03.png").unlink()
         print(f"{name}: {time.perf_counter() - begin:.0f} s", flush=True)
 
 

@@ -1,4 +1,4 @@
-"""Simulated series as pairwise matches, with wrong ones added: for benchmark_geometry.py.
+"""Simulated series as pairwise matches, with wrong ones added: for the table `added`.
 
 All right matches of a series stay. To each pair of images so many wrong ones come that they are a
 given share of all: half of them between any keypoints that have no partner in the other image, half
