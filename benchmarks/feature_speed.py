@@ -13,10 +13,6 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from benchmarks import tables
-from semsfm_colmap.features.options import DetectorOptions
-from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.studies.features.options import StudyOptions
-from semsfm_colmap.studies.features.run import CompareOptions, load_images, time_features
 
 ROUNDS = 3
 DETECTORS = ("colmap-sift", "harris-hessian-laplace", "hessian-laplace", "harris-hessian-affine")
@@ -30,6 +26,12 @@ def main() -> None:
     parser.add_argument("num_images", type=int, nargs="?", default=4)
     tables.add_page_option(parser, "feature_speed")
     args = parser.parse_args()
+    # loading takes seconds, which --help need not
+    from semsfm_colmap.features.options import DetectorOptions
+    from semsfm_colmap.ingest.options import IngestOptions
+    from semsfm_colmap.studies.features.options import StudyOptions
+    from semsfm_colmap.studies.features.run import CompareOptions, load_images, time_features
+
     folder, num = args.image_folder, args.num_images
     options = CompareOptions(
         study=StudyOptions(max_num_images=num), detection=DetectorOptions(max_num_features=0)

@@ -11,11 +11,6 @@ import time
 from pathlib import Path
 
 from benchmarks import tables
-from semsfm_colmap.features.options import DetectorOptions
-from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.matching.options import MatchingOptions
-from semsfm_colmap.studies.features.options import StudyOptions
-from semsfm_colmap.studies.features.run import CompareOptions, compare_features
 
 SERIES = ("synth_nickel", "sem_pot1", "synth_pollen", "sem_quartz3", "synth_spore", "hotel")
 NUM_IMAGES = 6
@@ -29,6 +24,13 @@ def main() -> None:
     parser.add_argument("series", nargs="*", default=SERIES)
     parser.add_argument("--output", type=Path, default=Path("docs/features"))
     args = parser.parse_args()
+    # loading takes seconds, which --help need not
+    from semsfm_colmap.features.options import DetectorOptions
+    from semsfm_colmap.ingest.options import IngestOptions
+    from semsfm_colmap.matching.options import MatchingOptions
+    from semsfm_colmap.studies.features.options import StudyOptions
+    from semsfm_colmap.studies.features.run import CompareOptions, compare_features
+
     for name in args.series:
         folder = args.data_folder / name
         images = folder / "images" if (folder / "images").is_dir() else folder
