@@ -1,4 +1,4 @@
-"""Simulated series as pairwise matches, with wrong ones added: for benchmark_geometry.py.
+"""Simulated series as pairwise matches, with wrong ones added: for the table `added`.
 
 All right matches of a series stay. To each pair of images so many wrong ones come that they are a
 given share of all: half of them between any keypoints that have no partner in the other image, half
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from semsfm_colmap.pipeline.stages.sparse_models import join_matches
 
 from semsfm_colmap.config import Config
 from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_fundamental
 from semsfm_colmap.matching.verify import verify_pair
-from semsfm_colmap.pipeline.stages.sparse_models import join_matches
 from semsfm_colmap.synthetic.tracks import SimulatedTracks
 from semsfm_colmap.types import Float, Int, Observations
 

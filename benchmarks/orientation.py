@@ -1,7 +1,5 @@
 """Keypoints turned to their dominant gradients, or upright: matches, images and rotations.
 
-usage: benchmark_orientation.py SERIES[:STEP] [SERIES[:STEP] ...] [--markdown FILE]
-
 A SERIES is a folder of images, or one with images/ and truth.json; of it every STEP-th image is
 taken. Both ways through features, matching and mapping without the guided pass; "trial" is what
 the program chooses by itself, from a few pairs. Rotation errors are medians.
@@ -9,12 +7,14 @@ the program chooses by itself, from a few pairs. Rotation errors are medians.
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
 
+from semsfm_colmap.pipeline.stages.all import read_main_model, read_project_series
+
+from benchmarks import tables
 from semsfm_colmap.config import config_from_dict
 from semsfm_colmap.errors import SemSfmError
 from semsfm_colmap.evaluation.compare import evaluate
@@ -23,7 +23,6 @@ from semsfm_colmap.pipeline.orientation import try_orientations
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.runner import run_stages
-from semsfm_colmap.pipeline.stages.all import read_main_model, read_project_series
 
 STAGES = ("ingest", "extract", "match", "map")
 HEAD = (
@@ -36,7 +35,6 @@ HEAD = (
     "images in the model",
     "rotation error",
 )
-MARK = "<!-- made by scripts/benchmark_orientation.py -->"
 
 
 def measure(series: Path, step: int, images: Path, work: Path) -> list[list[Any]]:
@@ -75,9 +73,10 @@ def measure(series: Path, step: int, images: Path, work: Path) -> list[list[Any]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("series", nargs="+")
-    parser.add_argument("--markdown", type=Path)
+    """Command line."""
+    parser = tables.parser("orientation", __doc__)
+    parser.add_argument("series", nargs="+", metavar="SERIES[:STEP]")
+    tables.add_page_option(parser, "orientation")
     args = parser.parse_args()
     rows = []
     for argument in args.series:
@@ -91,18 +90,10 @@ def main() -> None:
             for file in files[:: int(step or 1)]:
                 shutil.copy(file, images)
             rows += measure(series, int(step or 1), images, Path(work))
-    lines = [
-        "| " + " | ".join(map(str, cells)) + " |" for cells in (HEAD, ["---"] * len(HEAD), *rows)
-    ]
-    table = "\n".join([MARK, *lines]) + "\n"
-    print(table)
+    text = tables.table(HEAD, rows)
+    print(text)
     if args.markdown:
-        before, mark, after = args.markdown.read_text(encoding="utf-8").partition(MARK)
-        rest = after.lstrip("\n").split("\n")
-        while mark and rest and rest[0].startswith("|"):
-            rest.pop(0)
-        after = "\n".join(rest)
-        args.markdown.write_text(before + table + after, encoding="utf-8")
+        tables.put(args.markdown, "orientation", text)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,5 @@
 """Time per keypoint of our detectors and of COLMAP's SIFT, side by side on the same images.
 
-    python scripts/benchmark_features.py IMAGE_FOLDER [NUM_IMAGES]
-
 Each round runs all of them one after the other with all processors; the fastest of the rounds
 counts, since other programs can only slow a run down. Both include reading nothing but pixels,
 scale space, detection, orientation and the SIFT descriptor; COLMAP's also its database.
@@ -10,23 +8,31 @@ scale space, detection, orientation and the SIFT descriptor; COLMAP's also its d
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from semsfm_colmap.features.options import DetectorOptions
-from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.studies.features.options import StudyOptions
-from semsfm_colmap.studies.features.run import CompareOptions, load_images, time_features
+from benchmarks import tables
 
 ROUNDS = 3
 DETECTORS = ("colmap-sift", "harris-hessian-laplace", "hessian-laplace", "harris-hessian-affine")
+HEAD = ("detector", "keypoints", "us each")
 
 
 def main() -> None:
-    folder = Path(sys.argv[1])
-    num = int(sys.argv[2]) if len(sys.argv) > 2 else 4
+    """Command line."""
+    parser = tables.parser("feature_speed", __doc__)
+    parser.add_argument("image_folder", type=Path)
+    parser.add_argument("num_images", type=int, nargs="?", default=4)
+    tables.add_page_option(parser, "feature_speed")
+    args = parser.parse_args()
+    # loading takes seconds, which --help need not
+    from semsfm_colmap.features.options import DetectorOptions
+    from semsfm_colmap.ingest.options import IngestOptions
+    from semsfm_colmap.studies.features.options import StudyOptions
+    from semsfm_colmap.studies.features.run import CompareOptions, load_images, time_features
+
+    folder, num = args.image_folder, args.num_images
     options = CompareOptions(
         study=StudyOptions(max_num_images=num), detection=DetectorOptions(max_num_features=0)
     )
@@ -38,9 +44,11 @@ def main() -> None:
                 _, entry = time_features(detector, images, options, pool)
                 now = (entry.microseconds_per_feature, entry.num_features)
                 best[detector] = min(best.get(detector, now), now)
-    print(f"{num} images of {folder}, fastest of {ROUNDS} rounds")
-    for detector, (each, features) in best.items():
-        print(f"{detector:<24}{features:>8} features {each:>8.1f} us each")
+    rows = [[name, number, f"{each:.1f}"] for name, (each, number) in best.items()]
+    text = tables.table(HEAD, rows)
+    print(f"{num} images of {folder}, fastest of {ROUNDS} rounds\n\n{text}")
+    if args.markdown is not None:
+        tables.put(args.markdown, "feature_speed", text)
 
 
 if __name__ == "__main__":
