@@ -28,7 +28,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from semsfm_colmap.pipeline.stages.all import build_observations, read_project_series
 
 from benchmarks import tables
 from semsfm_colmap.colmap.model.sparse import read_model
@@ -37,7 +36,10 @@ from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import Truth, load_truth
 from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_fundamental
 from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.runner import run_stages
+from semsfm_colmap.pipeline.stages.map import build_observations
+from semsfm_colmap.records import MapRecord
 from semsfm_colmap.types import Float, Reconstruction
 
 TRUE_MATCH_PX = 2.0
@@ -130,9 +132,10 @@ def run_variant(project: Path, series: Path, name: str) -> list[str]:
         "residual px": f"{np.sqrt(np.mean(r**2)):.3f}",
         "s": f"{seconds:.1f}",
     }
-    guided = record.stages["map"]["summary"]["diagnostics"].get("guided")
+    mapped = record.result("map", MapRecord)
+    guided = None if mapped is None else mapped.diagnostics.guided
     if guided is not None and name in ("coarse", "default"):
-        row["variant"] += f" ({guided['high_pass_px']:g} px)"
+        row["variant"] += f" ({guided.high_pass_px:g} px)"
     if (series / "truth.json").is_file():
         truth = load_truth(series)
         figures = evaluate(model, truth)
@@ -152,8 +155,7 @@ def run_variant(project: Path, series: Path, name: str) -> list[str]:
 def matched_row(project: Path, series: Path) -> list[str]:
     """The verified tracks that every variant starts from."""
     opened = Project(project)
-    names = read_project_series(opened).names
-    observations, _, _ = build_observations(opened, Config(), names, {})
+    observations, _, _ = build_observations(opened, RunRecord.read(opened.record), Config())
     row = {
         "series": series.name,
         "variant": "matched",

@@ -12,8 +12,6 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from semsfm_colmap.pipeline.stages.all import read_main_model, read_project_series
-
 from benchmarks import tables
 from semsfm_colmap.config import config_from_dict
 from semsfm_colmap.errors import SemSfmError
@@ -23,6 +21,7 @@ from semsfm_colmap.pipeline.orientation import try_orientations
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.runner import run_stages
+from semsfm_colmap.records import MatchRecord
 
 STAGES = ("ingest", "extract", "match", "map")
 HEAD = (
@@ -47,23 +46,24 @@ def measure(series: Path, step: int, images: Path, work: Path) -> list[list[Any]
         mapped, rotation = "0", "-"
         try:
             run_stages(project.path, config, names=STAGES, image_path=images)
-            model = read_main_model(project)
+            model = project.read_main_model()
             mapped = str(model.num_images)
             if (series / "truth.json").is_file():
                 figures = evaluate(model, load_truth(series))
                 rotation = f"{figures['rotation_error_median_deg']:.3f} deg"
         except SemSfmError as error:
             print(f"{series.name}: {error}", flush=True)
-        trial = trial or try_orientations(project, read_project_series(project), num_threads=2)
-        pairs = RunRecord.read(project.record).stages["match"]["summary"]["pairs"]
+        trial = trial or try_orientations(project, project.read_series(), num_threads=2)
+        matched = RunRecord.read(project.record).result("match", MatchRecord)
+        pairs = () if matched is None else matched.pairs
         rows.append(
             [
                 series.name,
                 step,
                 "upright" if upright else "turned",
                 "yes" if trial.upright == upright else "",
-                sum(pair["num_after_distance_filter"] > 0 for pair in pairs),
-                sum(pair["num_after_distance_filter"] for pair in pairs),
+                sum(pair.num_after_distance_filter > 0 for pair in pairs),
+                sum(pair.num_after_distance_filter for pair in pairs),
                 f"{mapped} / {len(list(images.iterdir()))}",
                 rotation,
             ]

@@ -90,13 +90,13 @@ def run_ours(series: Path, folder: Path) -> Row:
     return Row(
         series=series.name,
         program="semsfm",
-        num_images=record.stages["ingest"]["summary"]["num_images"],
+        num_images=len(list(images.iterdir())),
         registered=model.num_images,
         error_deg=error,
         hand=hand if model.depth_sign.status == "resolved" else f"{hand}, said open",
         rms_px=float(np.sqrt(np.mean(r**2))),
         num_points=len(model.points),
-        seconds={name: record.stages[name]["seconds"] for name in names[1:]},
+        seconds={name: record.stages[name].seconds for name in names[1:]},
     )
 
 

@@ -14,6 +14,7 @@ from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.telecentric import pinhole_translations
 from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.geometry.points import solve_points, track_pointer
+from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
 from semsfm_colmap.types import Observations, OrthographicCameras
 
@@ -51,12 +52,17 @@ def make(data: Path, quick: bool) -> str:
 
 def adjust_ours(start: OrthographicCameras, observations: Observations) -> tuple[float, float]:
     """Sum of the squared residuals and seconds of the program's adjustment, once compiled."""
-    solver = SolverOptions(cost_tolerance=COST_TOLERANCE)
+    settings = BundleSettings(
+        scale_sigma=10.0,
+        sigma_px=NOISE_PX,
+        solver=SolverOptions(cost_tolerance=COST_TOLERANCE),
+    )
     for _ in range(2):
         begin = time.monotonic()
-        fit = bundle_adjust(start, observations, scale_sigma=10.0, sigma_px=NOISE_PX, solver=solver)
+        fit = bundle_adjust(start, observations, settings)
         seconds = time.monotonic() - begin
-    return float(np.sum(fit.diagnostics["state"].residuals ** 2)), seconds
+    assert fit.value is not None
+    return float(np.sum(fit.value.residuals**2)), seconds
 
 
 def adjust_theirs(model: Any) -> tuple[float, float]:

@@ -49,13 +49,16 @@ def make(data: Path, quick: bool) -> str:
         for function in (factorize_whole, factorize):
             start = function(part, obs, options, np.random.default_rng(0))
             assert start.value is not None, start.message
-            cameras, points = start.value
-            R, _, _ = aligned(cameras, points, true)
+            R, _, _ = aligned(start.value.cameras, start.value.points, true)
             angle = rotation_angle(R @ np.asarray(true.cam_from_world).mT)
             rms_deg = np.rad2deg(np.sqrt(np.mean(angle**2)))
-            cells.append(f"{rms_deg:.2f} ({start.diagnostics['eigenvalue_gap']:.2f})")
+            cells.append(f"{rms_deg:.2f} ({start.value.figures.eigenvalue_gap:.2f})")
         fit = refine(
-            start.value[0], part.images, obs, RefinementOptions(), rng=np.random.default_rng(0)
+            start.value.cameras,
+            part.images,
+            obs,
+            RefinementOptions(),
+            rng=np.random.default_rng(0),
         ).value
         assert fit is not None
         bound = cramer_rao(s, False)
@@ -67,7 +70,7 @@ def make(data: Path, quick: bool) -> str:
                 f"{360.0 * length / frames:.1f}",
                 f"{frames / length:.0f}",
                 *cells,
-                start.diagnostics.get("num_segments", 1),
+                start.value.figures.num_segments or 1,
                 f"{errors(fit, s)[0]:.2f}",
                 f"{np.rad2deg(least):.2f}",
             ]

@@ -68,15 +68,16 @@ def efficiency(series: Series, known: bool, seed: int) -> tuple[float, ...]:
     w = vector_from_rotation(R @ R_true.mT)
     d = X - np.asarray(s.points)[fit.tracks]
     weight = 1.0 / np.trace(bound.points[fit.tracks], axis1=1, axis2=2)
-    own = estimate_covariance(fit.model, fit.state, fit.observations, fit.sigma_px)
-    assert own.value is not None
+    end = fit.adjustment
+    own = estimate_covariance(end.model, end.state, fit.observations, fit.sigma_px).value
+    assert own is not None
     # the error bars are of rotations about the camera's axes in the program's hand; squares of the
     # components do not change with it
-    C = T.T @ own.value.points @ T
+    C = T.T @ own.points @ T
     return (
         float(np.mean(np.sum(w * w, axis=1))),
         float(np.mean(np.sum(bound.sigma_rotation_rad[fit.images] ** 2, axis=1))),
         float(np.mean(weight * np.sum(d * d, axis=1))),
-        float(np.mean((w / own.value.sigma_rotation_rad) ** 2)),
+        float(np.mean((w / own.sigma_rotation_rad) ** 2)),
         float(np.mean(np.einsum("ni,nij,nj->n", d, np.linalg.inv(C), d)) / 3.0),
     )

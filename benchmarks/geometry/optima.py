@@ -61,9 +61,10 @@ def affine_optimum(obs: Observations) -> tuple[float, float, int, float]:
         obs,
         solver=SolverOptions(max_iterations=300, cost_tolerance=1e-12),
     )
+    assert polish.value is not None
     return (
         float(np.sqrt(np.mean(r**2))),
-        float(polish.diagnostics["rms_px"]),
+        polish.value.rms_px,
         polish.iterations,
         time.monotonic() - begin,
     )

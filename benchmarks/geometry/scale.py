@@ -86,16 +86,17 @@ def run_scale(frames: int, tracks: int) -> None:
     chosen = RefinementOptions()
     seen = split_tracks(
         obs,
-        start.value[0],
+        start.value.cameras,
         tied.images,
         min_length=chosen.min_track_length,
         trials=chosen.ransac_trials,
     )
-    fit = refine(start.value[0], tied.images, seen, chosen, rng=rng)
+    fit = refine(start.value.cameras, tied.images, seen, chosen, rng=rng)
     assert fit.value is not None
     lap()
     v = fit.value
-    estimate_covariance(v.model, v.state, v.observations, v.sigma_px)
+    end = v.adjustment
+    estimate_covariance(end.model, end.state, v.observations, v.sigma_px)
     lap()
     rotation, _ = errors(v, s)
     cells = [

@@ -68,11 +68,11 @@ def solve(s: SimulatedTracks, known_scale: bool) -> Refined:
     )
     seen = split_tracks(
         s.observations,
-        start.value[0],
+        start.value.cameras,
         tied.images,
         min_length=options.min_track_length,
         trials=options.ransac_trials,
     )
-    fit = refine(start.value[0], tied.images, seen, options, rng=rng)
+    fit = refine(start.value.cameras, tied.images, seen, options, rng=rng)
     assert fit.value is not None, fit.message
     return fit.value
