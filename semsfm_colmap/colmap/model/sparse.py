@@ -122,6 +122,16 @@ def read_model(path: Path) -> Reconstruction:
     """Read what `write_model` wrote: cameras from the sidecar, the rest from COLMAP's files.
 
     The inliers of the model are its observations; what the mapping rejected is not in it.
+
+    Examples
+    --------
+    >>> model = read_model(Path("project/sparse/0"))
+    >>> model.num_images, model.world_unit, model.points.shape[1]
+    (11, 'um', 3)
+    >>> residuals = model.residuals()[model.inlier]  # (O, 2) px
+    >>> bool(np.sqrt(np.mean(residuals**2)) < 0.2)
+    True
+
     """
     if not (path / "points3D.bin").is_file() and not (path / "points3D.txt").is_file():
         raise InputError(f"{path} holds no COLMAP model: run `semsfm map` first")

@@ -9,6 +9,9 @@ from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import ExtractRecord, MapRecord, TrackCounts
 
 if TYPE_CHECKING:
+    from semsfm_colmap.config import Config
+    from semsfm_colmap.pipeline.project import Project
+    from semsfm_colmap.pipeline.record import RunRecord
     from semsfm_colmap.types import Float, Observations
 
 
@@ -22,7 +25,7 @@ def run(on: StageRun) -> MapRecord:
 
     project, config = on.project, on.config
     series = project.read_series()
-    observations, counts, keypoints = build_observations(on, series.names)
+    observations, counts, keypoints = build_observations(project, on.record, config)
     images = {image.name: image for image in read_images(project.database)}
 
     def save(extended: Mapping[str, Float], parts: Sequence[MappedPart]) -> None:
@@ -48,7 +51,7 @@ def run(on: StageRun) -> MapRecord:
 
 
 def build_observations(
-    on: StageRun, names: tuple[str, ...]
+    project: Project, record: RunRecord, config: Config
 ) -> tuple[Observations, TrackCounts, dict[str, Float]]:
     """Verified matches of the database -> Observations, counts of the joining, keypoints by name.
 
@@ -58,7 +61,7 @@ def build_observations(
     from semsfm_colmap.colmap.database.work import read_images, read_inlier_matches, read_keypoints
     from semsfm_colmap.mapping.observations import join_matches
 
-    database = on.project.database
+    database, names = project.database, project.read_series().names
     id_of = {image.name: image.image_id for image in read_images(database)}
     ids = [id_of[name] for name in names]
     number = {image_id: i for i, image_id in enumerate(ids)}
@@ -66,7 +69,7 @@ def build_observations(
     measured = read_num_measured(database)
     if measured is None:
         # a database of a version that kept the numbers in run.json alone
-        extracted = on.record.result("extract", ExtractRecord)
+        extracted = record.result("extract", ExtractRecord)
         counts = {} if extracted is None else extracted.num_keypoints
         measured = {id_of[name]: counts[name] for name in names if name in counts}
     keypoints = [stored[image_id][: measured.get(image_id)] for image_id in ids]
@@ -76,7 +79,7 @@ def build_observations(
             i, j = number[a], number[b]
             known = (rows[:, 0] < len(keypoints[i])) & (rows[:, 1] < len(keypoints[j]))
             matches[i, j] = rows[known]
-    observations, joined = join_matches(keypoints, matches, on.config.tracks)
+    observations, joined = join_matches(keypoints, matches, config.tracks)
     return observations, joined, dict(zip(names, keypoints, strict=True))
 
 

@@ -1,7 +1,5 @@
 """Keypoints turned to their dominant gradients, or upright: matches, images and rotations.
 
-usage: benchmark_orientation.py SERIES[:STEP] [SERIES[:STEP] ...] [--markdown FILE]
-
 A SERIES is a folder of images, or one with images/ and truth.json; of it every STEP-th image is
 taken. Both ways through features, matching and mapping without the guided pass; "trial" is what
 the program chooses by itself, from a few pairs. Rotation errors are medians.
@@ -9,12 +7,12 @@ the program chooses by itself, from a few pairs. Rotation errors are medians.
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
 
+from benchmarks import tables
 from semsfm_colmap.config import config_from_dict
 from semsfm_colmap.errors import SemSfmError
 from semsfm_colmap.evaluation.compare import evaluate
@@ -22,8 +20,8 @@ from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.runner import run_stages
-from semsfm_colmap.pipeline.stages.all import read_main_model, read_project_series
 from semsfm_colmap.pipeline.stages.orientation import try_project_orientations
+from semsfm_colmap.records import MatchRecord
 
 STAGES = ("ingest", "extract", "match", "map")
 HEAD = (
@@ -36,7 +34,6 @@ HEAD = (
     "images in the model",
     "rotation error",
 )
-MARK = "<!-- made by scripts/benchmark_orientation.py -->"
 
 
 def measure(series: Path, step: int, images: Path, work: Path) -> list[list[Any]]:
@@ -49,25 +46,24 @@ def measure(series: Path, step: int, images: Path, work: Path) -> list[list[Any]
         mapped, rotation = "0", "-"
         try:
             run_stages(project.path, config, names=STAGES, image_path=images)
-            model = read_main_model(project)
+            model = project.read_main_model()
             mapped = str(model.num_images)
             if (series / "truth.json").is_file():
                 figures = evaluate(model, load_truth(series))
                 rotation = f"{figures['rotation_error_median_deg']:.3f} deg"
         except SemSfmError as error:
             print(f"{series.name}: {error}", flush=True)
-        trial = trial or try_project_orientations(
-            project, read_project_series(project), num_threads=2
-        )
-        pairs = RunRecord.read(project.record).stages["match"]["summary"]["pairs"]
+        trial = trial or try_project_orientations(project, project.read_series(), num_threads=2)
+        matched = RunRecord.read(project.record).result("match", MatchRecord)
+        pairs = () if matched is None else matched.pairs
         rows.append(
             [
                 series.name,
                 step,
                 "upright" if upright else "turned",
                 "yes" if trial.upright == upright else "",
-                sum(pair["num_after_distance_filter"] > 0 for pair in pairs),
-                sum(pair["num_after_distance_filter"] for pair in pairs),
+                sum(pair.num_after_distance_filter > 0 for pair in pairs),
+                sum(pair.num_after_distance_filter for pair in pairs),
                 f"{mapped} / {len(list(images.iterdir()))}",
                 rotation,
             ]
@@ -77,9 +73,10 @@ def measure(series: Path, step: int, images: Path, work: Path) -> list[list[Any]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("series", nargs="+")
-    parser.add_argument("--markdown", type=Path)
+    """Command line."""
+    parser = tables.parser("orientation", __doc__)
+    parser.add_argument("series", nargs="+", metavar="SERIES[:STEP]")
+    tables.add_page_option(parser, "orientation")
     args = parser.parse_args()
     rows = []
     for argument in args.series:
@@ -93,18 +90,10 @@ def main() -> None:
             for file in files[:: int(step or 1)]:
                 shutil.copy(file, images)
             rows += measure(series, int(step or 1), images, Path(work))
-    lines = [
-        "| " + " | ".join(map(str, cells)) + " |" for cells in (HEAD, ["---"] * len(HEAD), *rows)
-    ]
-    table = "\n".join([MARK, *lines]) + "\n"
-    print(table)
+    text = tables.table(HEAD, rows)
+    print(text)
     if args.markdown:
-        before, mark, after = args.markdown.read_text(encoding="utf-8").partition(MARK)
-        rest = after.lstrip("\n").split("\n")
-        while mark and rest and rest[0].startswith("|"):
-            rest.pop(0)
-        after = "\n".join(rest)
-        args.markdown.write_text(before + table + after, encoding="utf-8")
+        tables.put(args.markdown, "orientation", text)
 
 
 if __name__ == "__main__":

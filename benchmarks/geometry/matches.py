@@ -1,4 +1,4 @@
-"""Simulated series as pairwise matches, with wrong ones added: for benchmark_geometry.py.
+"""Simulated series as pairwise matches, with wrong ones added: for the table `added`.
 
 All right matches of a series stay. To each pair of images so many wrong ones come that they are a
 given share of all: half of them between any keypoints that have no partner in the other image, half
@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.config import Config
 from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_fundamental
+from semsfm_colmap.mapping.observations import join_matches
+from semsfm_colmap.matching.options import MatchingOptions
 from semsfm_colmap.matching.verify import verify_pair
-from semsfm_colmap.pipeline.stages.sparse_models import join_matches
 from semsfm_colmap.synthetic.tracks import SimulatedTracks
+from semsfm_colmap.tracks.options import TrackOptions
 from semsfm_colmap.types import Float, Int, Observations
 
 OVERLAP = 10
@@ -127,7 +128,7 @@ def simulate_matches(s: SimulatedTracks, share: float, rng: Any) -> SimulatedMat
 
 def verify(simulated: SimulatedMatches, seed: int) -> dict[Pair, Int]:
     """What the program's verification of each pair leaves."""
-    options = Config().matching
+    options = MatchingOptions()
     verified = {}
     for (i, j), rows in simulated.matches.items():
         xy1, xy2 = simulated.keypoints[i], simulated.keypoints[j]
@@ -139,4 +140,4 @@ def verify(simulated: SimulatedMatches, seed: int) -> dict[Pair, Int]:
 
 def join(simulated: SimulatedMatches, verified: dict[Pair, Int]) -> Observations:
     """The program's tracks of verified matches."""
-    return join_matches(simulated.keypoints, verified, Config())[0]
+    return join_matches(simulated.keypoints, verified, TrackOptions())[0]

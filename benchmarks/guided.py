@@ -1,7 +1,5 @@
 """What the guided second pass and its filters do to tracks, noise and rotations.
 
-usage: benchmark_guided.py SERIES [SERIES ...] [--output FOLDER] [--markdown FILE]
-
 A SERIES is a folder with images/ and, for the errors, truth.json. Features (COLMAP's SIFT, turned
 to its gradients) and matches are found once a series; each variant maps them anew:
 
@@ -23,7 +21,6 @@ machine: compare columns of one run, never runs.
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import time
 from dataclasses import replace
@@ -32,14 +29,17 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import tables
 from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.config import Config, config_from_dict
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import Truth, load_truth
 from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_fundamental
 from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.runner import run_stages
-from semsfm_colmap.pipeline.stages.all import build_observations, read_project_series
+from semsfm_colmap.pipeline.stages.map import build_observations
+from semsfm_colmap.records import MapRecord
 from semsfm_colmap.types import Float, Reconstruction
 
 TRUE_MATCH_PX = 2.0
@@ -132,9 +132,10 @@ def run_variant(project: Path, series: Path, name: str) -> list[str]:
         "residual px": f"{np.sqrt(np.mean(r**2)):.3f}",
         "s": f"{seconds:.1f}",
     }
-    guided = record.stages["map"]["summary"]["diagnostics"].get("guided")
+    mapped = record.result("map", MapRecord)
+    guided = None if mapped is None else mapped.diagnostics.guided
     if guided is not None and name in ("coarse", "default"):
-        row["variant"] += f" ({guided['high_pass_px']:g} px)"
+        row["variant"] += f" ({guided.high_pass_px:g} px)"
     if (series / "truth.json").is_file():
         truth = load_truth(series)
         figures = evaluate(model, truth)
@@ -154,8 +155,7 @@ def run_variant(project: Path, series: Path, name: str) -> list[str]:
 def matched_row(project: Path, series: Path) -> list[str]:
     """The verified tracks that every variant starts from."""
     opened = Project(project)
-    names = read_project_series(opened).names
-    observations, _, _ = build_observations(opened, Config(), names, {})
+    observations, _, _ = build_observations(opened, RunRecord.read(opened.record), Config())
     row = {
         "series": series.name,
         "variant": "matched",
@@ -167,18 +167,12 @@ def matched_row(project: Path, series: Path) -> list[str]:
     return [row.get(column, "-") for column in HEAD]
 
 
-def table(rows: list[list[str]]) -> str:
-    """Markdown."""
-    lines = [HEAD, ["---"] * len(HEAD), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("series", nargs="+", type=Path)
+    parser = tables.parser("guided", __doc__)
+    parser.add_argument("series", nargs="+", type=Path, metavar="SERIES")
     parser.add_argument("--output", type=Path, default=Path("out/benchmark_guided"))
-    parser.add_argument("--markdown", type=Path, help="put the table into this file, below a mark")
+    tables.add_page_option(parser, "guided")
     arguments = parser.parse_args()
     rows = []
     for series in arguments.series:
@@ -193,12 +187,10 @@ def main() -> None:
             rows.append(run_variant(work, series, name))
             print(" ".join(rows[-1]), flush=True)
             shutil.rmtree(work)
-    print(table(rows))
+    text = tables.table(HEAD, rows)
+    print(text)
     if arguments.markdown is not None:
-        mark = "<!-- made by scripts/benchmark_guided.py -->"
-        text = arguments.markdown.read_text() if arguments.markdown.is_file() else mark
-        head = text.split(mark)[0]
-        arguments.markdown.write_text(f"{head}{mark}\n{table(rows)}\n")
+        tables.put(arguments.markdown, "guided", text)
 
 
 if __name__ == "__main__":

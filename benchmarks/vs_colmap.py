@@ -1,8 +1,5 @@
 """Our pipeline and COLMAP's, side by side on the same images in one run.
 
-usage: benchmark_vs_colmap.py SERIES [SERIES ...] [--output FOLDER] [--markdown FILE]
-       [--skip-defaults]
-
 A SERIES is a folder with images/ and, for the errors, truth.json. COLMAP runs through pycolmap on
 the same prepared images (databar cut off), twice:
 
@@ -17,7 +14,6 @@ compare columns of one run, never runs.
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import time
 from dataclasses import dataclass, field
@@ -26,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import tables
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.config import Config
@@ -35,6 +32,19 @@ from semsfm_colmap.pipeline.runner import run_stages
 
 EXPERT_FOCAL_PX = 1e5
 OVERLAP = 10
+HEAD = (
+    "series",
+    "program",
+    "images",
+    "rotation error (median)",
+    "hand",
+    "residual px",
+    "points",
+    "extract s",
+    "match s",
+    "map s",
+    "images to sparse s",
+)
 
 
 @dataclass
@@ -80,13 +90,13 @@ def run_ours(series: Path, folder: Path) -> Row:
     return Row(
         series=series.name,
         program="semsfm",
-        num_images=record.stages["ingest"]["summary"]["num_images"],
+        num_images=len(list(images.iterdir())),
         registered=model.num_images,
         error_deg=error,
         hand=hand if model.depth_sign.status == "resolved" else f"{hand}, said open",
         rms_px=float(np.sqrt(np.mean(r**2))),
         num_points=len(model.points),
-        seconds={name: record.stages[name]["seconds"] for name in names[1:]},
+        seconds={name: record.stages[name].seconds for name in names[1:]},
     )
 
 
@@ -155,21 +165,23 @@ def run_colmap(series: Path, folder: Path, *, expert: bool) -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """A markdown table."""
-    head = (
-        "| series | program | images | rotation error (median) | hand | residual px | points "
-        "| extract s | match s | map s | images to sparse s |"
-    )
-    lines = [head, "|---|---|---|---|---|---|---|---|---|---|---|"]
+    """In Markdown."""
+    cells = []
     for r in rows:
         s = [r.seconds.get(k, float("nan")) for k in ("extract", "match", "map")]
-        error = "-" if np.isnan(r.error_deg) else f"{r.error_deg:.3f} deg"
-        lines.append(
-            f"| {r.series} | {r.program} | {r.registered} / {r.num_images} | {error} | {r.hand} "
-            f"| {r.rms_px:.2f} | {r.num_points} | {s[0]:.1f} | {s[1]:.1f} | {s[2]:.1f} "
-            f"| {sum(s):.1f} |"
+        cells.append(
+            [
+                r.series,
+                r.program,
+                f"{r.registered} / {r.num_images}",
+                "-" if np.isnan(r.error_deg) else f"{r.error_deg:.3f} deg",
+                r.hand,
+                f"{r.rms_px:.2f}",
+                r.num_points,
+                *(f"{seconds:.1f}" for seconds in (*s, sum(s))),
+            ]
         )
-    return "\n".join(lines)
+    return tables.table(HEAD, cells)
 
 
 def warm_up() -> None:
@@ -190,11 +202,12 @@ def warm_up() -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("series", nargs="+", type=Path)
+    """Command line."""
+    parser = tables.parser("vs_colmap", __doc__)
+    parser.add_argument("series", nargs="+", type=Path, metavar="SERIES")
     parser.add_argument("--output", type=Path, default=Path("out/benchmark_vs_colmap"))
-    parser.add_argument("--markdown", type=Path)
-    parser.add_argument("--skip-defaults", action="store_true")
+    parser.add_argument("--skip-defaults", action="store_true", help="the expert set-up alone")
+    tables.add_page_option(parser, "vs_colmap")
     args = parser.parse_args()
     warm_up()
     rows = []
@@ -209,7 +222,7 @@ def main() -> None:
     text = table(rows)
     print("\n" + text)
     if args.markdown:
-        args.markdown.write_text(text + "\n", encoding="utf-8")
+        tables.put(args.markdown, "vs_colmap", text)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,5 @@
 """What other programs report of a project: the table of docs/exports.md.
 
-usage: python scripts/consumers_table.py PROJECT... [--write docs/exports.md]
-
 Runs COLMAP's command line (3.8 from Debian; its rows are left out without it), pycolmap and open3d
 on copies of finished projects with depth maps, and the readers of tests/exports on the
 exported folders. tests/exports/test_consumers.py asserts the same on a small project.
@@ -9,10 +7,8 @@ exported folders. tests/exports/test_consumers.py asserts the same on a small pr
 
 from __future__ import annotations
 
-import argparse
 import math
 import shutil
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,14 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
+from benchmarks import tables
 from semsfm_colmap.colmap.database.schema38 import write_database_38
 from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.pipeline.export import export_project
+from semsfm_colmap.types import Array
 from tests.exports import consumers, readers
 
-BEGIN, END = "<!-- consumers: begin -->", "<!-- consumers: end -->"
+HEAD = ("program", "step", "images", "points", "mean error px", "")
 
 
 @dataclass(frozen=True)
@@ -40,8 +36,8 @@ class Row:
     figures: consumers.Figures | None
     note: str = ""
 
-    def cells(self) -> str:
-        """As Markdown."""
+    def cells(self) -> list[str]:
+        """As the table has them."""
         numbers = ["", "", ""]
         if self.figures is not None:
             f = self.figures
@@ -50,7 +46,7 @@ class Row:
                 str(f.num_points),
                 "" if math.isnan(f.mean_error_px) else f"{f.mean_error_px:.4f}",
             ]
-        return f"| {' | '.join([self.program, self.step, *numbers, self.note])} |"
+        return [self.program, self.step, *numbers, self.note]
 
 
 def model_rows(project: Path, work: Path) -> list[Row]:
@@ -178,7 +174,8 @@ def open3d_version() -> str:
     return str(open3d.__version__)
 
 
-def write_points(path: Path, points: np.ndarray) -> None:
+def write_points(path: Path, points: Array) -> None:
+    """As PLY, which `surface_gap_px` reads."""
     from semsfm_colmap.surface.files import write_ply
     from semsfm_colmap.types import PointCloud
 
@@ -192,21 +189,19 @@ def table(project: Path) -> str:
         copy = work / "project"
         shutil.copytree(project, copy, ignore=shutil.ignore_patterns("mesh", "report", "export"))
         rows = model_rows(copy, work) + dense_rows(copy, work) + folder_rows(copy, work)
-    head = "| program | step | images | points | mean error px | |\n|---|---|---|---|---|---|"
-    return "\n".join([head, *(row.cells() for row in rows)])
+    return tables.table(HEAD, [row.cells() for row in rows])
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("projects", nargs="+", type=Path)
-    parser.add_argument("--write", type=Path, help="put the tables between the marks of this file")
+    """Command line."""
+    parser = tables.parser("consumers", __doc__)
+    parser.add_argument("projects", nargs="+", type=Path, metavar="PROJECT")
+    tables.add_page_option(parser, "consumers", flag="--write")
     arguments = parser.parse_args()
     text = "\n\n".join(f"**{path.name}**\n\n{table(path)}" for path in arguments.projects)
     print(text)
-    if arguments.write is not None:
-        page = arguments.write.read_text(encoding="utf-8")
-        begin, end = page.index(BEGIN) + len(BEGIN), page.index(END)
-        arguments.write.write_text(f"{page[:begin]}\n\n{text}\n\n{page[end:]}", encoding="utf-8")
+    if arguments.markdown is not None:
+        tables.put(arguments.markdown, "consumers", text)
 
 
 if __name__ == "__main__":
