@@ -64,6 +64,49 @@ def log_false_alarms(num_inliers: int, num_matches: int, chance: float) -> float
     return float(log_tests + binom.logsf(agree - 1, rest, min(max(chance, 1e-6), 1.0)))
 
 
+def _best_samples(
+    centred: Float, max_error_px: float, trials: int, rng: np.random.Generator
+) -> list[Float]:
+    """The best of random samples, by truncated squared distance of all matches (L, 4)."""
+    L, limit = len(centred), max_error_px**2
+    n, e, cost = np.zeros((0, 4)), np.zeros(0), np.zeros(0)
+    while len(cost) < trials:
+        pick = rng.integers(0, L, size=(min(BATCH, trials - len(cost)), 4))
+        normal, offset = hyperplanes_from_samples(centred[pick])
+        distance2 = (centred @ normal.T + offset) ** 2  # (L, BATCH)
+        truncated = np.minimum(distance2, limit).sum(axis=0)
+        truncated[~np.any(normal != 0.0, axis=1)] = np.inf
+        n, e = np.concatenate([n, normal]), np.concatenate([e, offset])
+        cost = np.concatenate([cost, truncated])
+        # a share w of inliers makes a batch without a clean sample as rare as (1 - w^4)^BATCH
+        if np.min(cost) < (1.0 - CLEAR_SHARE) * L * limit:
+            break
+    chosen = np.argsort(cost, kind="stable")[:NUM_REFINED]
+    return [fundamental_from_hyperplane(n[k], float(e[k])) for k in chosen]
+
+
+def _refined(centred: Float, samples: list[Float], max_error_px: float) -> tuple[Float, Bool]:
+    """The best of the samples, each fitted to the inliers of ever smaller thresholds; its inliers.
+
+    At least one trial gives at least one sample.
+    """
+    limit = max_error_px**2
+    c1, c2 = centred[:, :2], centred[:, 2:]
+    best: tuple[float, Float, Bool] | None = None
+    for F in samples:
+        for factor in SHRINK:
+            close = np.abs(epipolar_residual(F, c1, c2)) < factor * max_error_px
+            if np.sum(close) < 5:
+                break
+            F = estimate_affine_fundamental(c1[close], c2[close])
+        r2 = epipolar_residual(F, c1, c2) ** 2
+        score = float(np.minimum(r2, limit).sum())
+        if best is None or score < best[0]:
+            best = (score, F, r2 < limit)
+    assert best is not None
+    return best[1:]
+
+
 def find_affine_fundamental(
     xy1: Float,
     xy2: Float,
@@ -91,34 +134,8 @@ def find_affine_fundamental(
     data = np.column_stack([xy1, xy2])
     centre = data.mean(axis=0)
     centred = data - centre
-    limit = max_error_px**2
-    n, e, cost = np.zeros((0, 4)), np.zeros(0), np.zeros(0)
-    while len(cost) < trials:
-        pick = rng.integers(0, L, size=(min(BATCH, trials - len(cost)), 4))
-        normal, offset = hyperplanes_from_samples(centred[pick])
-        distance2 = (centred @ normal.T + offset) ** 2  # (L, BATCH)
-        truncated = np.minimum(distance2, limit).sum(axis=0)
-        truncated[~np.any(normal != 0.0, axis=1)] = np.inf
-        n, e = np.concatenate([n, normal]), np.concatenate([e, offset])
-        cost = np.concatenate([cost, truncated])
-        # a share w of inliers makes a batch without a clean sample as rare as (1 - w^4)^BATCH
-        if np.min(cost) < (1.0 - CLEAR_SHARE) * L * limit:
-            break
-    best: tuple[float, Float, Bool] | None = None
-    for k in np.argsort(cost, kind="stable")[:NUM_REFINED]:
-        F = fundamental_from_hyperplane(n[k], float(e[k]))
-        c1, c2 = centred[:, :2], centred[:, 2:]
-        for factor in SHRINK:
-            close = np.abs(epipolar_residual(F, c1, c2)) < factor * max_error_px
-            if np.sum(close) < 5:
-                break
-            F = estimate_affine_fundamental(c1[close], c2[close])
-        r2 = epipolar_residual(F, c1, c2) ** 2
-        score = float(np.minimum(r2, limit).sum())
-        if best is None or score < best[0]:
-            best = (score, F, r2 < limit)
-    assert best is not None
-    _, F, inlier = best
+    samples = _best_samples(centred, max_error_px, trials, rng)
+    F, inlier = _refined(centred, samples, max_error_px)
     count = int(inlier.sum())
     shuffled = np.concatenate(
         [
