@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.errors import UsageError
 from semsfm_colmap.io.atomic import write_bytes
 from semsfm_colmap.types import Array, Float
 
@@ -36,26 +36,6 @@ def write_map(path: Path, values: Array) -> None:
     height, width, channels = stack.shape
     head = f"{width}&{height}&{channels}&".encode("ascii")
     write_bytes(head + np.ascontiguousarray(stack.transpose(2, 0, 1)).tobytes(), path)
-
-
-def read_map(path: Path) -> Array:
-    """Read a map: (H, W) for one channel, else (H, W, C)."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror})") from error
-    parts = data[:64].split(b"&", 3)
-    try:
-        width, height, channels = (int(part) for part in parts[:3])
-    except ValueError as error:
-        raise InputError(f"{path} is not a COLMAP map: it does not begin with W&H&C&") from error
-    start = sum(len(part) + 1 for part in parts[:3])
-    if len(data) != start + 4 * width * height * channels:
-        raise InputError(
-            f"{path} has {len(data)} bytes, not those of a {width} x {height} x {channels} map"
-        )
-    values = np.frombuffer(data, dtype="<f4", offset=start).reshape(channels, height, width)
-    return values[0] if channels == 1 else np.ascontiguousarray(values.transpose(1, 2, 0))
 
 
 def pinhole_depth(

@@ -43,7 +43,6 @@ def match_nearest(
     *,
     max_ratio: float = 0.8,
     mutual: bool = True,
-    max_distance: float = np.inf,
     num_threads: int = 0,
     xy1: Float | None = None,
     xy2: Float | None = None,
@@ -77,7 +76,7 @@ def match_nearest(
     )
     first = np.arange(len(a))
     second = forward.index
-    keep = forward.best <= np.float32(max_distance) ** 2
+    keep = np.ones(len(a), dtype=bool)
     ratio = _ratio(forward)
     if mutual:
         keep &= backward.index[second] == first
