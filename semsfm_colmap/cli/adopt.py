@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semsfm_colmap.cli.common import parse, positional_first
-from semsfm_colmap.colmap.adoption_options import AdoptionOptions
+from semsfm_colmap.colmap.options import AdoptionOptions
 
 if TYPE_CHECKING:
     from semsfm_colmap.colmap.adoption import ModelChange

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from semsfm_colmap.colmap.adoption_options import AdoptionOptions
 from semsfm_colmap.colmap.model.pinhole_reading import PinholeReading
+from semsfm_colmap.colmap.options import AdoptionOptions
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.alignment import Similarity, align_rotations
 from semsfm_colmap.geometry.rotations import rotation_angle

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.colmap.adoption import ModelChange, compare_models, old_origin
-from semsfm_colmap.colmap.adoption_options import AdoptionOptions
 from semsfm_colmap.colmap.database.work import DatabaseImage
 from semsfm_colmap.colmap.model.pinhole_reading import read_pinhole_model
 from semsfm_colmap.colmap.model.sidecar import FILE_NAME, read_sidecar
 from semsfm_colmap.colmap.model.sparse import read_model, write_model
+from semsfm_colmap.colmap.options import AdoptionOptions
 from semsfm_colmap.config import Config, read_config
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.pipeline.project import Project, locked

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.cli.main import main
-from semsfm_colmap.colmap.adoption_options import AdoptionOptions
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.sparse import read_model
+from semsfm_colmap.colmap.options import AdoptionOptions
 from semsfm_colmap.colmap.presets import bundle_adjustment_options, pipeline_options
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.rotations import rotation_angle, rotation_from_vector

@@ -33,7 +33,7 @@ def open_database(path: Path, *, create: bool = False) -> Iterator[Any]:
     """Open the working database; one sentence when it is missing, held, too new or not one.
 
     pycolmap writes to every database it opens (tables, version), even to read from it; another's
-    database is read with `colmap.database_reader` instead.
+    database is read with `colmap.database.reader` instead.
     """
     if path.exists() and path.stat().st_size > 0:
         check_writable(path, unfinished=create)

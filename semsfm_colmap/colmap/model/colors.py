@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.grey import read_grey
 from semsfm_colmap.types import Array, Reconstruction
 
 
 def point_colors(reconstruction: Reconstruction, image_path: Path) -> Array:
-    """Mean grey value over the inlier observations of each point: (N, 3) uint8."""
+    """Mean grey value over the inlier observations of each point: (N, 3) uint8.
+
+    An image that cannot be decoded has no say; a point that none shows is of a middle grey.
+    """
     obs = reconstruction.observations.select(reconstruction.inlier)
     total = np.zeros(len(reconstruction.points))
     count = np.zeros(len(reconstruction.points))
@@ -19,9 +23,9 @@ def point_colors(reconstruction: Reconstruction, image_path: Path) -> Array:
     bounds = np.searchsorted(obs.image_idx[order], np.arange(reconstruction.num_images + 1))
     for i, name in enumerate(reconstruction.image_names):
         rows = order[bounds[i] : bounds[i + 1]]
-        data = np.fromfile(image_path / name, dtype=np.uint8)
-        grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
-        if grey is None or len(rows) == 0:
+        try:
+            grey = read_grey(image_path / name)
+        except InputError:
             continue
         # COLMAP's origin: the centre of the first pixel is (0.5, 0.5)
         column = np.clip(obs.xy[rows, 0].astype(int), 0, grey.shape[1] - 1)

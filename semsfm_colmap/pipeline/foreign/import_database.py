@@ -142,8 +142,8 @@ def copy_features(
     reporter: Reporter,
 ) -> tuple[list[Float], ExtractRecord]:
     """Keypoints and descriptors, image by image; positions with nan outside the prepared image."""
+    from semsfm_colmap.colmap.database.images import register_images
     from semsfm_colmap.colmap.database.work import write_features
-    from semsfm_colmap.colmap.sift import register_images
 
     sizes = [(frame.width_px, frame.height_px) for frame in series.frames]
     shifts = [

@@ -65,12 +65,13 @@ def extract_own(
     parallel_map : over the images for our detectors
 
     """
+    from semsfm_colmap.colmap.database.images import register_images
     from semsfm_colmap.colmap.database.work import (
         images_without_keypoints,
         read_images,
         write_features,
     )
-    from semsfm_colmap.colmap.sift import extractor_number, register_images
+    from semsfm_colmap.colmap.sift import extractor_number
     from semsfm_colmap.colmap.sift_features import descriptor_bytes, rows_of_features, sift_features
 
     register_images(

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from semsfm_colmap.colmap.database.images import register_images
 from semsfm_colmap.colmap.database.reader import read_database
 from semsfm_colmap.colmap.database.work import write_features
-from semsfm_colmap.colmap.sift import register_images
 from tests.colmap.databases import simulated_content, write_38
 
 NUM_IMAGES = 32
