@@ -110,7 +110,7 @@ def dense_views(
 
 def with_cloud(scene: ExportScene) -> ExportScene:
     """The scene with its oriented points and a PLY writer."""
-    from semsfm_colmap.surface.files import write_ply
+    from semsfm_colmap.io.ply import write_ply
 
     return replace(scene, cloud=lambda: oriented_points(scene.reconstruction), write_ply=write_ply)
 

@@ -249,9 +249,9 @@ def read_main_model(project: Project) -> Reconstruction:
 
 def report(project: Project, record: RunRecord, reporter: Reporter) -> Summary:
     """Everything known -> report/."""
+    from semsfm_colmap.io.ply import read_ply_cloud, read_ply_mesh
     from semsfm_colmap.report.inputs import PairStatistics, ReportInputs
     from semsfm_colmap.report.write import write_report
-    from semsfm_colmap.surface.files import read_ply_cloud, read_ply_mesh
 
     series = read_project_series(project)
     reconstruction = read_main_model(project)

@@ -18,8 +18,9 @@ def densify(project: Project, config: Config, reporter: Reporter) -> Summary:
     Where the depth maps agree on too little (few images, small angles) the fused cloud is the
     sparse one, and that is said.
     """
+    from semsfm_colmap.io.ply import write_ply
     from semsfm_colmap.surface.build import fuse_depth_maps
-    from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map, write_ply
+    from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map
     from semsfm_colmap.surface.stereo.plane_sweep import sweep_depth_maps
     from semsfm_colmap.surface.stereo.views import choose_references
 
@@ -62,8 +63,9 @@ def densify(project: Project, config: Config, reporter: Reporter) -> Summary:
 
 def mesh(project: Project, config: Config, reporter: Reporter) -> Summary:
     """dense/fused.ply -> mesh/mesh.ply, mesh.glb and mesh.obj."""
+    from semsfm_colmap.io.ply import read_ply_cloud, write_ply
     from semsfm_colmap.surface import build
-    from semsfm_colmap.surface.files import read_ply_cloud, write_ply, write_textured
+    from semsfm_colmap.surface.files import write_textured
     from semsfm_colmap.surface.texture.atlas import texture_mesh
 
     cloud = read_ply_cloud(project.dense / "fused.ply")
