@@ -1,6 +1,7 @@
 """Where heavy libraries are imported."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -35,6 +36,16 @@ def test_numba_is_imported_by_kernel_modules_alone():
     # how many threads the kernels take is asked of numba as well
     elsewhere = {name for name in homes("numba") if not name.endswith("_kernels.py")}
     assert elsewhere == {"geometry/threads.py"}
+
+
+def test_open3d_is_asked_for_through_one_module_alone():
+    assert homes("open3d") == set()
+    users = [
+        path.relative_to(PACKAGE).as_posix()
+        for path in PACKAGE.rglob("*.py")
+        if re.search(r"""import_module\(\s*['"]open3d""", path.read_text())
+    ]
+    assert users == ["io/open3d_library.py"]
 
 
 def test_kernel_modules_hold_typed_kernels():

@@ -13,6 +13,7 @@ from typing import Any, overload
 import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.io.atomic import file_aside, write_bytes, write_text
 from semsfm_colmap.types import Array, DepthMap, TriangleMesh
 
@@ -96,8 +97,6 @@ def read_depth_map(folder: Path | str, image_name: str) -> DepthMap:
 
 def _unshare(mesh: TriangleMesh) -> tuple[Array, Array, Array, Array]:
     """One vertex for each distinct pair of vertex and texture coordinate."""
-    from semsfm_colmap.surface.mesh.repair import vertex_normals
-
     assert mesh.uv is not None
     corner = mesh.faces.reshape(-1)
     uv = np.asarray(mesh.uv, dtype=np.float64).reshape(-1, 2)

@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
 from semsfm_colmap.geometry.normals import sampling_distance
+from semsfm_colmap.geometry.rays import ray_scene, ray_tensor
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.io.open3d_library import import_open3d
-from semsfm_colmap.surface.mesh.repair import face_normals, vertex_normals
 from semsfm_colmap.types import Array, Float, PointCloud, TriangleMesh
 
 _LIGHT_CAM = np.array([-0.45, -0.55, -0.70]) / np.linalg.norm([-0.45, -0.55, -0.70])
@@ -62,20 +62,16 @@ def render_mesh(
     """
     if len(mesh.faces) == 0:
         raise UsageError("mesh has no faces: there is nothing to render.")
-    o3d = import_open3d()
     R = np.eye(3) if cam_from_world is None else np.asarray(cam_from_world)
     vertices = mesh.vertices @ R.T
     width, height = (supersampling * s for s in size_px)
     origin, pixel = _fit(vertices, width, height)
 
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(vertices.astype(np.float32), mesh.faces.astype(np.uint32))
     u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     depth = np.full(u.shape, vertices[:, 2].min() - pixel)
     start = np.stack([origin[0] + u * pixel, origin[1] + v * pixel, depth], axis=-1)
-    toward = np.broadcast_to([0.0, 0.0, 1.0], start.shape)
-    rays = np.concatenate([start, toward], axis=-1).astype(np.float32)
-    hit = scene.cast_rays(o3d.core.Tensor(rays))
+    rays = ray_tensor(start, np.array([0.0, 0.0, 1.0]))
+    hit = ray_scene(vertices, mesh.faces).cast_rays(rays)
     seen = np.isfinite(hit["t_hit"].numpy())
     face = hit["primitive_ids"].numpy()[seen].astype(np.int64)
     bary = hit["primitive_uvs"].numpy()[seen].astype(np.float64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
 from semsfm_colmap.surface.mesh.halfedges import (
     component_labels,
     is_edge_manifold,
@@ -25,10 +26,8 @@ from semsfm_colmap.surface.mesh.repair import (
     drop_degenerate,
     drop_fins,
     drop_small_components,
-    face_normals,
     face_outside,
     repair,
-    vertex_normals,
 )
 from semsfm_colmap.types import Float, Int
 from tests.oracles.surface import boundary_edges, least_triangulation_cost
