@@ -1,14 +1,30 @@
 #!/usr/bin/env bash
-# The one check: set up, format, lint, types, import layers, tests.
-# usage: scripts/check.sh [--all]     --all: also the slow tests and those on development data
+# The one check: set up, format, lint, types, import layers, changelog, tests.
+# usage: scripts/check.sh [--all] [PIECE ...]
+#   --all   also the slow tests and those on development data
+#   PIECE   format, lint, types, layers, changelog or tests: these alone
 set -euo pipefail
 cd "$(dirname "$0")/.."
-bash scripts/setup.sh dev
 bin="${SEMSFM_VENV:-.venv}/bin"
-"$bin/ruff" format --check --quiet .
-"$bin/ruff" check --quiet .
-"$bin/mypy" --no-error-summary
-"$bin/lint-imports" --no-logo >/dev/null || "$bin/lint-imports"
 marker="not slow and not data"
-[ "${1:-}" = "--all" ] && marker=""
-"$bin/pytest" -n 2 --dist loadfile -m "$marker"
+if [ "${1:-}" = "--all" ]; then
+    marker=""
+    shift
+fi
+# one piece is for between two commits: what is set up is taken as it is
+[ $# -gt 0 ] && [ -x "$bin/pytest" ] || bash scripts/setup.sh dev
+[ $# -gt 0 ] || set -- format lint types layers changelog tests
+for piece in "$@"; do
+    case "$piece" in
+        format) "$bin/ruff" format --check --quiet . ;;
+        lint) "$bin/ruff" check --quiet . ;;
+        types) "$bin/mypy" --no-error-summary ;;
+        layers) "$bin/lint-imports" --no-logo >/dev/null || "$bin/lint-imports" ;;
+        changelog) "$bin/python" scripts/check_changelog.py ;;
+        tests) "$bin/pytest" -n 2 --dist loadfile -m "$marker" ;;
+        *)
+            echo "$piece is no piece of the check: see the head of scripts/check.sh" >&2
+            exit 2
+            ;;
+    esac
+done

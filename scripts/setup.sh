@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Make a virtual environment with semsfm_colmap in it, and what open3d needs from the system.
 # usage: scripts/setup.sh [extra]     extra: dev, for the tests and checks
-# The environment is .venv in the repository, or the folder in SEMSFM_VENV.
+# The environment is .venv in the repository, or the folder in SEMSFM_VENV; the versions are those
+# of constraints.txt, which scripts/lock.sh renews.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 venv="${SEMSFM_VENV:-.venv}"
@@ -37,10 +38,10 @@ fi
 "$python" -c 'import venv, ensurepip' 2>/dev/null || install_system_packages
 [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
 stamp="$venv/.semsfm-$extra"
-if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ]; then
+if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ] || [ constraints.txt -nt "$stamp" ]; then
     echo "installing semsfm_colmap and its libraries into $venv" >&2
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-        --editable ".${extra:+[$extra]}"
+        --constraint constraints.txt --editable ".${extra:+[$extra]}"
     touch "$stamp"
 fi
 "$venv/bin/python" -c 'import open3d' 2>/dev/null || install_system_packages

@@ -18,7 +18,7 @@ import importlib
 import os
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from semsfm_colmap.version import __version__ as __version__
 
 # numba would try TBB first, of which open3d loads a version that numba warns about and refuses
 os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")

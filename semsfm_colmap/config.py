@@ -39,7 +39,15 @@ class FeatureOptions(SiftOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """All options of a reconstruction."""
+    """All options of a reconstruction.
+
+    Examples
+    --------
+    >>> config = Config(seed=1)
+    >>> config.seed, config.guided.enabled
+    (1, True)
+
+    """
 
     # on the command line the ingest options go without a prefix: --pixel_size_um, --crop
     ingest: Annotated[IngestOptions, tyro.conf.arg(name="")] = field(default_factory=IngestOptions)
@@ -114,7 +122,22 @@ def _refuse_unknown(data: dict[str, Any], source: str) -> None:
 
 
 def read_config(path: Path) -> Config:
-    """Read a TOML file."""
+    """Read a TOML file; what it leaves out has its default.
+
+    Examples
+    --------
+    >>> file = Path("options.toml")
+    >>> _ = file.write_text("seed = 3\\n[matching]\\nmax_error_px = 1.5\\n")
+    >>> config = read_config(file)
+    >>> config.seed, config.matching.max_error_px
+    (3, 1.5)
+    >>> _ = file.write_text("[matching]\\nmax_eror_px = 1.5\\n")
+    >>> read_config(file)
+    Traceback (most recent call last):
+    semsfm_colmap.errors.UsageError: options.toml: unknown key matching.max_eror_px; did you mean
+    matching.max_error_px?
+
+    """
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -125,7 +148,15 @@ def read_config(path: Path) -> Config:
 
 
 def write_config(config: Config, path: Path) -> None:
-    """Write the resolved configuration."""
+    """Write the resolved configuration, aside first, then renamed.
+
+    Examples
+    --------
+    >>> write_config(Config(seed=3), Path("resolved.toml"))
+    >>> read_config(Path("resolved.toml")) == Config(seed=3)
+    True
+
+    """
     import tomli_w
 
     write_text(tomli_w.dumps(config_to_dict(config)), path)

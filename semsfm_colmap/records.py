@@ -137,8 +137,8 @@ class Rung:
     range_deg: float
     """largest rotation between two images"""
     bic: float
-    held_out_px: float | None
-    """root median square residual per coordinate at observations the fit has not seen"""
+    held_out_px: float
+    """root median square residual per coordinate at observations the fit has not seen; nan: none"""
     num_parameters: int
 
 
@@ -189,21 +189,28 @@ class CueFigures:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PartFigures:
-    """How one part of a series was mapped."""
+class Diagnostics:
+    """How one part of a series was mapped, for those who look into it."""
 
     sigma_px: float
     start: StartFigures
-    rounds: tuple[FilteringRound, ...]
-    reliability: Reliability
     depth_sign_cues: Mapping[str, CueFigures]
     guided: GuidedFigures | None = None
     tilt: TiltAgreement | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartFigures:
+    """What mapping says of one part of a series."""
+
+    rounds: tuple[FilteringRound, ...]
+    reliability: Reliability
+    diagnostics: Diagnostics
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
-class WrittenModel:
+class ModelEntry:
     """One COLMAP model below sparse/."""
 
     model: str
@@ -268,8 +275,10 @@ class MapRecord(StageRecord):
     num_observations: int
     rms_px: float
     tracks: TrackCounts
-    models: tuple[WrittenModel, ...]
-    part: PartFigures
+    models: tuple[ModelEntry, ...]
+    rounds: tuple[FilteringRound, ...]
+    reliability: Reliability
+    diagnostics: Diagnostics
 
 
 @dataclass(frozen=True, kw_only=True)

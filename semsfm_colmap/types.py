@@ -161,7 +161,27 @@ class Observations(_Frozen):
         )
 
     def measurement_matrix(self) -> Float:
-        """The paper's M, (2 M, N), nan where a track is not seen: for small problems and tests."""
+        """The paper's M, (2 M, N), nan where a track is not seen: for small problems and tests.
+
+        Examples
+        --------
+        Track 0 in both images, track 1 in the second one alone:
+
+        >>> observations = Observations(
+        ...     track_idx=np.array([0, 0, 1]),
+        ...     image_idx=np.array([0, 1, 1]),
+        ...     keypoint_idx=np.array([7, 3, 4]),
+        ...     xy=np.array([[10.5, 20.5], [11.5, 21.5], [50.5, 60.5]]),
+        ...     num_images=2,
+        ...     num_tracks=2,
+        ... )
+        >>> observations.measurement_matrix()
+        array([[10.5,  nan],
+               [20.5,  nan],
+               [11.5, 50.5],
+               [21.5, 60.5]])
+
+        """
         matrix = np.full((self.num_images, 2, self.num_tracks), np.nan)
         matrix[self.image_idx, :, self.track_idx] = self.xy
         return matrix.reshape(2 * self.num_images, self.num_tracks)
@@ -212,7 +232,23 @@ class OrthographicCameras(_Frozen):
         return np.asarray(self.cam_from_world[:, 2])
 
     def project(self, points: Float, image_idx: Array) -> Float:
-        """Project ``points[o]`` into image ``image_idx[o]``: (O, 3), (O,) -> (O, 2) px."""
+        """Project ``points[o]`` into image ``image_idx[o]``: (O, 3), (O,) -> (O, 2) px.
+
+        Examples
+        --------
+        Two images of 10 px a unit, the second turned by 90 degrees about y: what lay in depth is
+        to the right, and how far away it is makes no difference.
+
+        >>> cameras = OrthographicCameras(
+        ...     cam_from_world=np.array([np.eye(3), [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]]),
+        ...     scale_px_per_unit=np.array([10.0, 10.0]),
+        ...     translation_px=np.array([[100.0, 100.0], [100.0, 100.0]]),
+        ... )
+        >>> cameras.project(np.array([[1.0, 2.0, 3.0], [1.0, 2.0, 3.0]]), np.array([0, 1]))
+        array([[110., 120.],
+               [130., 120.]])
+
+        """
         linear = np.einsum("oij,oj->oi", self.projection[image_idx], points)
         return np.asarray(linear + self.translation_px[image_idx])
 

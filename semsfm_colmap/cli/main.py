@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import sys
 from collections.abc import Sequence
 
+from semsfm_colmap.cli.commands import COMMANDS, find_command
+
 BROKEN_PIPE = 141
 """Exit code of a program that SIGPIPE ends, as shells give it."""
-COMMANDS = {
-    "reconstruct": "images to COLMAP project, mesh and report: everything below in one go",
-    "extract": "read and prepare the images, find keypoints",
-    "match": "match image pairs and verify them with affine epipolar geometry",
-    "map": "cameras and points: factorization, filtering, bundle adjustment",
-    "densify": "depth maps and their fusion",
-    "mesh": "surface mesh and texture",
-    "report": "metrics and HTML report of a project",
-    "inspect": "what the image files say: sizes, pixel size, tilt, problems",
-    "export": "the model as other programs read it: COLMAP, OpenMVS, nerfstudio, PLY, ...",
-    "adopt": "take over a model that COLMAP's triangulator or bundle adjuster has changed",
-    "evaluate": "compare a project with known truth",
-    "compare-features": "region detectors and descriptors side by side on a series",
-    "synthesize": "render an SEM-like series with exact truth",
-}
 
 
 def usage() -> str:
     """The text of `semsfm --help`."""
-    width = max(len(name) for name in COMMANDS)
-    lines = [f"  {name:<{width}}  {text}" for name, text in COMMANDS.items()]
+    width = max(len(command.name) for command in COMMANDS)
+    lines = [f"  {command.name:<{width}}  {command.help}" for command in COMMANDS]
     return "\n".join(
         [
             "usage: semsfm COMMAND [options]",
@@ -70,11 +56,11 @@ def run(args: list[str]) -> int:
 
         print(f"semsfm {__version__}")
         return 0
-    name = args[0].replace("-", "_")
-    if args[0] not in COMMANDS:
+    command = find_command(args[0])
+    if command is None:
         import difflib
 
-        near = difflib.get_close_matches(args[0], COMMANDS, n=1)
+        near = difflib.get_close_matches(args[0], [known.name for known in COMMANDS], n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
         print(
             f"semsfm: unknown command {args[0]}{hint} (semsfm --help lists them)", file=sys.stderr
@@ -82,9 +68,8 @@ def run(args: list[str]) -> int:
         return 2
     from semsfm_colmap.errors import SemSfmError
 
-    command = importlib.import_module(f"semsfm_colmap.cli.{name}")
     try:
-        command.main(args[1:])
+        command.main()(args[1:])
     except SemSfmError as error:
         print(f"semsfm {args[0]}: {error}", file=sys.stderr)
         return error.exit_code

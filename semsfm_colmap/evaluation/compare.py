@@ -57,6 +57,35 @@ def evaluate(
     InputError
         When no image of the reconstruction belongs to the truth.
 
+    Examples
+    --------
+    A model that is the truth, with 20 points of its surface:
+
+    >>> from semsfm_colmap.evaluation.truth import load_truth
+    >>> from semsfm_colmap.types import Observations
+    >>> truth = load_truth(Path("field"))  # what `synthesize` wrote: three images
+    >>> points = truth.mesh.vertices[:20]
+    >>> track_idx, image_idx = np.divmod(np.arange(60), 3)
+    >>> observations = Observations(
+    ...     track_idx=track_idx,
+    ...     image_idx=image_idx,
+    ...     keypoint_idx=track_idx,
+    ...     xy=truth.cameras.project(points[track_idx], image_idx),
+    ...     num_images=3,
+    ...     num_tracks=20,
+    ... )
+    >>> model = Reconstruction(
+    ...     image_names=truth.names,
+    ...     image_size_px=np.full((3, 2), 64),
+    ...     cameras=truth.cameras,
+    ...     points=points,
+    ...     observations=observations,
+    ...     inlier=np.ones(60, dtype=bool),
+    ... )
+    >>> figures = evaluate(model, truth)
+    >>> figures["num_images_registered"], round(figures["rotation_error_median_deg"], 4)
+    (3, 0.0)
+
     """
     est_idx, true_idx = _common_images(reconstruction.image_names, truth)
     estimated = reconstruction.cameras.select(est_idx)

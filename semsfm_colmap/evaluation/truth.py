@@ -59,6 +59,14 @@ def load_truth(path: Path) -> Truth:
     InputError
         When there is no truth, or it cannot be understood: which file, and what is wrong.
 
+    Examples
+    --------
+    >>> truth = load_truth(Path("field"))  # what `synthesize` wrote
+    >>> truth.names
+    ('field_000.png', 'field_001.png', 'field_002.png')
+    >>> truth.cameras.cam_from_world.shape
+    (3, 3, 3)
+
     """
     path = Path(path)
     file = path / "truth.json" if path.is_dir() else path

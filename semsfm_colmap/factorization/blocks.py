@@ -28,6 +28,7 @@ from semsfm_colmap.factorization.blocks_kernels import (
 )
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.points import track_pointer
+from semsfm_colmap.geometry.subset import new_numbers
 from semsfm_colmap.types import Float, Int, Observations
 
 
@@ -194,6 +195,11 @@ class Part:
 
     images: Int
     blocks: list[Block]
+
+    def own_blocks(self, num_images: int) -> list[Block]:
+        """The blocks with images numbered as they stand in `images`, of `num_images` in all."""
+        number = new_numbers(self.images, num_images)
+        return [Block(images=number[b.images], tracks=b.tracks, M=b.M) for b in self.blocks]
 
 
 def connected_parts(blocks: list[Block], num_images: int) -> list[Part]:

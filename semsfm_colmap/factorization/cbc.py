@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -26,7 +25,7 @@ from semsfm_colmap.factorization.blocks import Block, tied_groups
 from semsfm_colmap.factorization.cbc_kernels import best_subspace, centred_basis, squared_distances
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.threads import blas_threads
-from semsfm_colmap.types import AffineModel, Bool, Float, Int, Solution
+from semsfm_colmap.types import Bool, Float, Int, Solution
 
 MOST = 0.8
 """Share of a block's tracks within the threshold above which no RANSAC is needed."""
@@ -184,13 +183,10 @@ def two_camera_gauge(C: sparse.csc_array, first: int, second: int) -> Float:
 
 def joint_projection(
     bases: list[BlockBasis], num_images: int, options: FactorizationOptions
-) -> tuple[Float, dict[str, Any]]:
-    """Cameras (M, 2, 3) up to an affinity, with the eigenvalue gap as diagnosis."""
+) -> tuple[Float, Float]:
+    """Cameras (M, 2, 3) up to an affinity, and the smallest eigenvalues of the constraints."""
     C = constraint_matrix(bases, num_images)
     values, vectors = smallest_eigenvectors(C, min(5, 2 * num_images))
-    diagnostics: dict[str, Any] = {"eigenvalues": values.tolist()}
-    if len(values) > 3:
-        diagnostics["eigenvalue_gap"] = float(values[3] / max(values[2], 1e-300))
     Pi = vectors[:, :3]
     if options.gauge == "two_cameras":
         A = Pi.reshape(-1, 2, 3)
@@ -198,7 +194,7 @@ def joint_projection(
         Q, _ = np.linalg.qr(A[0].T)
         rest = A[:, 0] - (A[:, 0] @ Q) @ Q.T
         Pi = two_camera_gauge(C, 0, int(np.argmax(np.linalg.norm(rest, axis=1))))
-    return Pi.reshape(-1, 2, 3), diagnostics
+    return Pi.reshape(-1, 2, 3), values
 
 
 def joint_translation(bases: list[BlockBasis], A: Float) -> Float:
@@ -246,16 +242,34 @@ def largest_tied(images: list[Int], group: Int) -> tuple[int, Int]:
     return most
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AffineStart:
+    """Affine cameras without points: triangulate the tracks with them."""
+
+    A: Float
+    """(M, 2, 3)"""
+    t: Float
+    """(M, 2)"""
+    eigenvalues: Float
+    """the smallest of the constraints, rising; without noise three are zero"""
+    num_blocks: int
+
+    @property
+    def eigenvalue_gap(self) -> float | None:
+        """The fourth eigenvalue over the third: how far the cameras are from undetermined."""
+        values = self.eigenvalues
+        return float(values[3] / max(values[2], 1e-300)) if len(values) > 3 else None
+
+
 def factorize_cbc(
     blocks: list[Block],
     num_images: int,
     options: FactorizationOptions,
     rng: np.random.Generator,
-) -> Solution[AffineModel]:
+) -> Solution[AffineStart]:
     """Affine cameras of an incomplete measurement matrix from its complete blocks.
 
-    The points of the returned model are the triangulated block centroids' stand-ins: it holds one
-    zero point; triangulate the tracks with its cameras.
+    A failure that leaves some images tied together names them in ``diagnostics["tied_images"]``.
     """
     bases = [b for b in (block_basis(block, options, rng) for block in blocks) if b is not None]
     used = [basis.images for basis in bases]
@@ -283,9 +297,6 @@ def factorize_cbc(
         )
     # what hangs on one image only says nothing of the others
     bases = [basis for basis, g in zip(bases, group, strict=True) if g == number]
-    A, diagnostics = joint_projection(bases, num_images, options)
+    A, eigenvalues = joint_projection(bases, num_images, options)
     t = joint_translation(bases, A)
-    return Solution(
-        value=AffineModel(A=A, t=t, X=np.zeros((1, 3))),
-        diagnostics={**diagnostics, "num_blocks": len(bases)},
-    )
+    return Solution(value=AffineStart(A=A, t=t, eigenvalues=eigenvalues, num_blocks=len(bases)))

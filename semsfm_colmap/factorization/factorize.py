@@ -5,9 +5,11 @@ A long series goes through this in overlapping segments, which are then joined (
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from semsfm_colmap.factorization.blocks import Block, Part, connected_parts, select_blocks
+from semsfm_colmap.factorization.blocks import Part, connected_parts, select_blocks
 from semsfm_colmap.factorization.cbc import factorize_cbc
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.factorization.polish import polish_affine
@@ -15,8 +17,9 @@ from semsfm_colmap.factorization.segments import Segment, cut_into_segments, joi
 from semsfm_colmap.factorization.upgrade import upgrade_to_euclidean
 from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
-from semsfm_colmap.geometry.subset import keep_tracks, thin_evenly
+from semsfm_colmap.geometry.subset import keep_tracks, take_subset, thin_evenly
 from semsfm_colmap.geometry.triangulation import triangulate_tracks
+from semsfm_colmap.records import StartFigures
 from semsfm_colmap.types import (
     AffineModel,
     Float,
@@ -36,6 +39,16 @@ AFFINE_THRESHOLD_PX = 8.0
 """Reprojection error up to which observations take part in the polish: the paper's first round."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Factorized:
+    """Orthographic cameras to start the refinement from, of one part or segment."""
+
+    cameras: OrthographicCameras
+    points: Float
+    """of the tracks that the polish used"""
+    figures: StartFigures
+
+
 def robust_sigma(r: Float) -> float:
     """Standard deviation of residuals from their median absolute deviation."""
     return float(1.4826 * np.median(np.abs(r - np.median(r)))) if r.size else 0.0
@@ -46,7 +59,7 @@ def factorize(
     observations: Observations,
     options: FactorizationOptions,
     rng: np.random.Generator,
-) -> Solution[tuple[OrthographicCameras, Float]]:
+) -> Solution[Factorized]:
     """Orthographic cameras of one connected part.
 
     Parameters
@@ -56,18 +69,14 @@ def factorize(
 
     Returns
     -------
-    Solution of (cameras of ``part.images`` in that order, points of the tracks that the polish
-    used); diagnostics of each step
+    Solution of Factorized, cameras of ``part.images`` in that order; a failure that leaves some of
+    them tied together has their places in ``diagnostics["tied_images"]``
 
     """
-    number = np.full(observations.num_images, -1, dtype=np.int64)
-    number[part.images] = np.arange(len(part.images))
-    blocks = [Block(images=number[b.images], tracks=b.tracks, M=b.M) for b in part.blocks]
+    blocks = part.own_blocks(observations.num_images)
     segments = cut_into_segments(blocks, len(part.images))
     if segments:
-        local, _ = keep_tracks(
-            observations, number[observations.image_idx] >= 0, min_length=3, image_number=number
-        )
+        local = take_subset(observations, images=part.images, min_length=3).observations
         chosen = thin_evenly(local, SEGMENT_OBSERVATIONS)
         local, _ = keep_tracks(local, chosen[local.track_idx])
         joined = factorize_segments(segments, local, options, rng)
@@ -81,7 +90,7 @@ def factorize_most(
     observations: Observations,
     options: FactorizationOptions,
     rng: np.random.Generator,
-) -> tuple[Part, Solution[tuple[OrthographicCameras, Float]]]:
+) -> tuple[Part, Solution[Factorized]]:
     """`factorize`, without the images that hang on blocks which prove wrong.
 
     Blocks tie a part together; one whose tracks do not agree on a motion is dropped, and the part
@@ -107,11 +116,14 @@ def factorize_segments(
     observations: Observations,
     options: FactorizationOptions,
     rng: np.random.Generator,
-) -> Solution[tuple[OrthographicCameras, Float]]:
+) -> Solution[Factorized]:
     """Segments one by one, then joined; without a value when they leave out images."""
     fits = [factorize_whole(segment, observations, options, rng) for segment in segments]
     done = [
-        (Segment(images=segment.images, cameras=fit.value[0], points=fit.value[1]), fit)
+        (
+            Segment(images=segment.images, cameras=fit.value.cameras, points=fit.value.points),
+            fit.value.figures,
+        )
         for segment, fit in zip(segments, fits, strict=True)
         if fit.value is not None
     ]
@@ -119,21 +131,34 @@ def factorize_segments(
     joined = None
     if len(np.unique(found)) == observations.num_images:
         joined = join_segments([s for s, _ in done], observations.num_images)
-    figures = {
-        key: [fit.diagnostics[key] for _, fit in done]
-        for key in ("eigenvalue_gap", "cbc_rms_px", "affine_rms_px", "affine_sigma_px")
-    }
+    if joined is None:
+        return Solution(
+            value=None,
+            status="segments_apart",
+            message="the segments of the series leave out images or fall apart",
+        )
+    cameras, points = joined
     return Solution(
-        value=joined,
-        status="ok" if joined else "segments_apart",
-        message="" if joined else "the segments of the series leave out images or fall apart",
-        iterations=sum(fit.iterations for _, fit in done),
-        diagnostics={
-            "num_segments": len(done),
-            **{key: float(np.sqrt(np.mean(np.square(v)))) for key, v in figures.items() if v},
-            # the weakest link
-            "eigenvalue_gap": min(figures["eigenvalue_gap"], default=0.0),
-        },
+        value=Factorized(
+            cameras=cameras, points=points, figures=joint_figures([f for _, f in done])
+        ),
+        iterations=sum(fit.iterations for fit in fits),
+    )
+
+
+def joint_figures(segments: list[StartFigures]) -> StartFigures:
+    """Of all segments: root mean squares, and the eigenvalue gap of the weakest."""
+
+    def rms(values: list[float | None]) -> float:
+        return float(np.sqrt(np.mean(np.square([v for v in values if v is not None]))))
+
+    gaps = [f.eigenvalue_gap for f in segments if f.eigenvalue_gap is not None]
+    return StartFigures(
+        num_segments=len(segments),
+        eigenvalue_gap=min(gaps, default=0.0),
+        cbc_rms_px=rms([f.cbc_rms_px for f in segments]),
+        affine_rms_px=rms([f.affine_rms_px for f in segments]),
+        affine_sigma_px=rms([f.affine_sigma_px for f in segments]),
     )
 
 
@@ -142,19 +167,15 @@ def factorize_whole(
     observations: Observations,
     options: FactorizationOptions,
     rng: np.random.Generator,
-) -> Solution[tuple[OrthographicCameras, Float]]:
+) -> Solution[Factorized]:
     """Orthographic cameras of one part at once; see `factorize`."""
-    number = np.full(observations.num_images, -1, dtype=np.int64)
-    number[part.images] = np.arange(len(part.images))
-    blocks = [Block(images=number[b.images], tracks=b.tracks, M=b.M) for b in part.blocks]
+    blocks = part.own_blocks(observations.num_images)
     start = factorize_cbc(blocks, len(part.images), options, rng)
     if start.value is None:
         return Solution(
             value=None, status=start.status, message=start.message, diagnostics=start.diagnostics
         )
-    local, _ = keep_tracks(
-        observations, number[observations.image_idx] >= 0, min_length=2, image_number=number
-    )
+    local = take_subset(observations, images=part.images, min_length=2).observations
     A, t = start.value.A, start.value.t
     pointer = track_pointer(local.track_idx, local.num_tracks)
     X, inlier = triangulate_tracks(
@@ -170,7 +191,6 @@ def factorize_whole(
             status="inconsistent_tracks",
             message="the tracks do not agree on one motion: too few survive triangulation with "
             "the cameras that the complete blocks suggest; look at the matches",
-            diagnostics=start.diagnostics,
         )
     polish = polish_affine(
         AffineModel(A=A, t=t, X=X[kept]),
@@ -183,27 +203,38 @@ def factorize_whole(
         ),
     )
     assert polish.value is not None
-    model = polish.value
-    noise = max(robust_sigma(polish.diagnostics["residuals"]), 1e-3)
+    noise = max(robust_sigma(polish.value.residuals), 1e-3)
     # accuracy of a camera's rows: noise over the extent of the object times root of observations
     extent = float(np.sqrt(np.mean(np.square(local.xy - local.xy.mean(axis=0)))))
     camera_sigma = max(noise / (extent * np.sqrt(len(local) / len(t))), 1e-5)
     upgrade = upgrade_to_euclidean(
-        model, scale_sigma=options.scale_sigma, camera_sigma=camera_sigma
+        polish.value.model, scale_sigma=options.scale_sigma, camera_sigma=camera_sigma
     )
+    if upgrade.value is None:
+        return Solution(
+            value=None,
+            status=upgrade.status,
+            message=upgrade.message,
+            diagnostics=upgrade.diagnostics,
+        )
     return Solution(
-        value=upgrade.value,
+        value=Factorized(
+            cameras=upgrade.value.cameras,
+            points=upgrade.value.points,
+            figures=StartFigures(
+                num_blocks=start.value.num_blocks,
+                eigenvalues=tuple(start.value.eigenvalues.tolist()),
+                eigenvalue_gap=start.value.eigenvalue_gap,
+                cbc_rms_px=rms_with_cameras(A, t, local),
+                affine_rms_px=polish.value.rms_px,
+                affine_sigma_px=noise,
+                upgrade=upgrade.value.figures,
+            ),
+        ),
         status=upgrade.status,
         message=upgrade.message,
         iterations=polish.iterations,
         costs=polish.costs,
-        diagnostics={
-            **start.diagnostics,
-            "cbc_rms_px": rms_with_cameras(A, t, local),
-            "affine_rms_px": polish.diagnostics["rms_px"],
-            "affine_sigma_px": noise,
-            "upgrade": dict(upgrade.diagnostics),
-        },
     )
 
 

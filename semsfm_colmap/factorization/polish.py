@@ -66,13 +66,27 @@ def normalise_gauge(A: Float, t: Float, X: Float) -> AffineModel:
     return AffineModel(A=A @ L, t=t, X=np.linalg.solve(L, (X - centre).T).T)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Polished:
+    """An affine model at a minimum of the reprojection error."""
+
+    model: AffineModel
+    residuals: Float
+    """(O, 2) px"""
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square residual per coordinate."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+
 def polish_affine(
     start: AffineModel,
     observations: Observations,
     *,
     solver: SolverOptions | None = None,
     sigma_px: float = 1.0,
-) -> Solution[AffineModel]:
+) -> Solution[Polished]:
     """Refine cameras and points of an affine model to a minimum of the reprojection error.
 
     Parameters
@@ -84,8 +98,7 @@ def polish_affine(
 
     Returns
     -------
-    Solution of AffineModel; ``costs`` are sums of the loss, ``diagnostics["rms_px"]`` the root
-    mean square residual per coordinate
+    Solution of Polished; ``costs`` are sums of the loss
 
     """
     gauge = normalise_gauge(start.A, start.t, start.X)
@@ -99,14 +112,9 @@ def polish_affine(
     )
     A, t = end.params
     return Solution(
-        value=normalise_gauge(A, t, end.X),
+        value=Polished(model=normalise_gauge(A, t, end.X), residuals=end.residuals),
         status="ok" if end.converged else "iteration_limit",
         message="" if end.converged else "the affine polish stopped before it converged",
         iterations=end.iterations,
         costs=end.costs,
-        diagnostics={
-            "rms_px": float(np.sqrt(np.mean(end.residuals**2))),
-            "weight": end.weight,
-            "residuals": end.residuals,
-        },
     )

@@ -13,10 +13,13 @@ determine: two views leave one direction free, a pure in-plane rotation three.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.optimize import least_squares
 
 from semsfm_colmap.geometry.rotations import nearest_rotation
+from semsfm_colmap.records import UpgradeFigures
 from semsfm_colmap.types import AffineModel, Float, OrthographicCameras, Solution
 
 MIN_RELATIVE_SINGULAR_VALUE = 1e-7
@@ -114,9 +117,19 @@ def positive_definite_start(Q: Float) -> tuple[Float, bool]:
     return np.asarray(np.linalg.cholesky(Q), dtype=np.float64), indefinite
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Upgraded:
+    """A Euclidean model, up to the hand."""
+
+    cameras: OrthographicCameras
+    points: Float
+    """(N, 3)"""
+    figures: UpgradeFigures
+
+
 def upgrade_to_euclidean(
     model: AffineModel, *, scale_sigma: float, camera_sigma: float = 1e-3
-) -> Solution[tuple[OrthographicCameras, Float]]:
+) -> Solution[Upgraded]:
     """Orthographic cameras and Euclidean points from an affine model.
 
     Parameters
@@ -127,9 +140,8 @@ def upgrade_to_euclidean(
 
     Returns
     -------
-    Solution of (cameras, points (N, 3)); the first image's axes are the world's, the mean
-    magnification is 1 px per unit, the hand is one of the two possible. ``diagnostics`` has the
-    ``singular_values`` of the constraint system, ``num_free`` directions and ``indefinite``.
+    Solution of Upgraded; the first image's axes are the world's, the mean
+    magnification is 1 px per unit, the hand is one of the two possible.
     Status "underdetermined" when more than nothing is left free by the views.
 
     """
@@ -162,25 +174,24 @@ def upgrade_to_euclidean(
     # A X = (A_hat norm) X = B (L^-1 norm X) with B = lengths * R[:2]
     points = np.linalg.solve(L, np.asarray(model.X).T * norm).T * common
     points = points @ R0.T
-    diagnostics = {
-        "singular_values": singular.tolist(),
-        "num_free": num_free,
-        "indefinite": indefinite,
-        "cost": cost,
-    }
     if num_free > 0:
         return Solution(
             value=None,
             status="underdetermined",
             message=f"the views leave {num_free} direction(s) of the metric free: at least three "
             "views that differ by more than an in-plane rotation or a shift are needed",
-            diagnostics=diagnostics,
+            diagnostics={"singular_values": singular.tolist(), "num_free": num_free},
         )
+    figures = UpgradeFigures(
+        singular_values=tuple(singular.tolist()),
+        num_free=num_free,
+        indefinite=indefinite,
+        cost=cost,
+    )
     return Solution(
-        value=(cameras, points),
+        value=Upgraded(cameras=cameras, points=points, figures=figures),
         status="indefinite_start" if indefinite else "ok",
         message="the linear upgrade was not positive definite; the refined one is"
         if indefinite
         else "",
-        diagnostics=diagnostics,
     )

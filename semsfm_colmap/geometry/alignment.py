@@ -75,6 +75,15 @@ def fit_similarity(
     InputError
         The points of a set lie on a line or in one place: no unique rotation.
 
+    Examples
+    --------
+    >>> source = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
+    >>> fit = fit_similarity(source, 2.0 * source + 5.0)
+    >>> round(fit.scale, 6), fit.shift.round(6)
+    (2.0, array([5., 5., 5.]))
+    >>> fit.inverse.apply(np.array([[7.0, 5.0, 5.0]])).round(6) + 0.0
+    array([[1., 0., 0.]])
+
     """
     source = np.asarray(source, dtype=np.float64)
     target = np.asarray(target, dtype=np.float64)
@@ -113,6 +122,14 @@ def align_rotations(R_est: Float, R_true: Float) -> Float:
     Returns
     -------
     (3, 3): ``x_estimated = Q x_true``
+
+    Examples
+    --------
+    >>> from semsfm_colmap.geometry.rotations import rotation_from_vector
+    >>> R_true = rotation_from_vector(np.array([[0.0, 0.0, 0.0], [0.1, 0.5, 0.0]]))
+    >>> world = rotation_from_vector(np.array([0.3, 0.2, 0.1]))
+    >>> np.allclose(align_rotations(R_true @ world.T, R_true), world)
+    True
 
     """
     if R_est.shape != R_true.shape or R_est.ndim != 3 or len(R_est) == 0:
@@ -168,6 +185,25 @@ def align_cameras(
     ----------
     estimated, true : M >= 1 cameras each, in the same order
     reverse_depth : align the depth-reversed twin of `estimated` instead
+
+    Examples
+    --------
+    The same cameras in a world that is turned and twice as large:
+
+    >>> from semsfm_colmap.geometry.rotations import rotation_from_vector
+    >>> R = rotation_from_vector(np.array([[0.0, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.4, 0.1]]))
+    >>> true = OrthographicCameras(
+    ...     cam_from_world=R, scale_px_per_unit=np.ones(3), translation_px=np.full((3, 2), 50.0)
+    ... )
+    >>> world = rotation_from_vector(np.array([0.3, 0.2, 0.1]))
+    >>> estimated = replace(true, cam_from_world=R @ world, scale_px_per_unit=np.full(3, 0.5))
+    >>> alignment = align_cameras(estimated, true)
+    >>> round(alignment.true_from_estimated.scale, 6)
+    0.5
+    >>> bool(alignment.rotation_rms_rad < 1e-7)
+    True
+    >>> bool(align_cameras(estimated, true, reverse_depth=True).rotation_rms_rad > 0.1)
+    True
 
     """
     if len(estimated) != len(true) or len(true) == 0:

@@ -41,6 +41,18 @@ def estimate_affine_fundamental(xy1: Float, xy2: Float) -> Float:
     -------
     (3, 3), upper-left 2 x 2 block zero, the four linear entries of unit norm
 
+    Examples
+    --------
+    A specimen turned about y, the vertical of the image, moves along the rows alone:
+
+    >>> X = np.random.default_rng(0).normal(size=(10, 3))
+    >>> xy1, xy2 = X[:, :2], np.column_stack([0.9 * X[:, 0] + 0.4 * X[:, 2], X[:, 1]])
+    >>> F = estimate_affine_fundamental(xy1, xy2)
+    >>> abs(F / F[2, 1]).round(6)
+    array([[0., 0., 0.],
+           [0., 0., 1.],
+           [0., 1., 0.]])
+
     """
     if len(xy1) < 4 or xy1.shape != xy2.shape:
         raise ValueError(f"{xy1.shape=} and {xy2.shape=} but expected (L, 2) twice with L >= 4")
@@ -56,6 +68,15 @@ def epipolar_residual(F: Float, xy1: Float, xy2: Float) -> Float:
     """Signed distance to the hyperplane in 4-space: (L,) px.
 
     For noise of sigma per coordinate in both images it has standard deviation sigma.
+
+    Examples
+    --------
+    Of a match that is 2 px too low half the square falls on each image:
+
+    >>> F = fundamental_from_hyperplane(np.array([0.0, 1.0, 0.0, -1.0]) / np.sqrt(2.0), 0.0)
+    >>> epipolar_residual(F, np.array([[5.0, 7.0]]), np.array([[8.0, 9.0]])).round(4)
+    array([-1.4142])
+
     """
     n, e = hyperplane_from_fundamental(F)
     return np.asarray(np.column_stack([xy1, xy2]) @ n + e)

@@ -20,7 +20,17 @@ def skew_matrix(v: Float) -> Float:
 
 
 def rotation_from_vector(v: Float) -> Float:
-    """Rodrigues' formula ``exp([v]_x)``: (..., 3) rad -> (..., 3, 3)."""
+    """Rodrigues' formula ``exp([v]_x)``: (..., 3) rad -> (..., 3, 3).
+
+    Examples
+    --------
+    A quarter turn about z takes x to y:
+
+    >>> R = rotation_from_vector(np.array([0.0, 0.0, np.pi / 2]))
+    >>> (R @ [1.0, 0.0, 0.0]).round(6)
+    array([0., 1., 0.])
+
+    """
     v = np.asarray(v, dtype=np.float64)
     theta2 = np.sum(v * v, axis=-1)[..., None, None]
     theta = np.sqrt(theta2)
@@ -33,7 +43,15 @@ def rotation_from_vector(v: Float) -> Float:
 
 
 def vector_from_rotation(R: Float) -> Float:
-    """Rotation vectors, the inverse of `rotation_from_vector`: (..., 3, 3) -> (..., 3) rad."""
+    """Rotation vectors, the inverse of `rotation_from_vector`: (..., 3, 3) -> (..., 3) rad.
+
+    Examples
+    --------
+    >>> v = np.array([[0.1, 0.2, 0.3], [0.0, 2.0, 0.0]])
+    >>> np.allclose(vector_from_rotation(rotation_from_vector(v)), v)
+    True
+
+    """
     from scipy.spatial.transform import Rotation
 
     R = np.asarray(R, dtype=np.float64)
@@ -42,7 +60,15 @@ def vector_from_rotation(R: Float) -> Float:
 
 
 def nearest_rotation(B: Float) -> Float:
-    """The rotation closest to each matrix in the Frobenius norm: (..., 3, 3) -> (..., 3, 3)."""
+    """The rotation closest to each matrix in the Frobenius norm: (..., 3, 3) -> (..., 3, 3).
+
+    Examples
+    --------
+    >>> R = rotation_from_vector(np.array([0.1, 0.2, 0.3]))
+    >>> np.allclose(nearest_rotation(2.0 * R), R)
+    True
+
+    """
     U, _, Vt = np.linalg.svd(B)
     sign = np.where(np.linalg.det(U @ Vt) < 0, -1.0, 1.0)
     U = U.copy()
@@ -51,7 +77,15 @@ def nearest_rotation(B: Float) -> Float:
 
 
 def rotation_angle(R: Float) -> Float:
-    """Angle of each rotation, accurate near 0 and pi: (..., 3, 3) -> (...) rad."""
+    """Angle of each rotation, accurate near 0 and pi: (..., 3, 3) -> (...) rad.
+
+    Examples
+    --------
+    >>> R = rotation_from_vector(np.array([[3e-8, 4e-8, 0.0], [0.0, 0.0, 3.0]]))
+    >>> rotation_angle(R)
+    array([5.e-08, 3.e+00])
+
+    """
     R = np.asarray(R)
     sine = 0.5 * np.linalg.norm(
         np.stack(
@@ -69,5 +103,16 @@ def rotation_angle(R: Float) -> Float:
 
 
 def depth_reversed(R: Float) -> Float:
-    """``D R D``: the rotations of the depth-reversed twin."""
+    """``D R D``: the rotations of the depth-reversed twin.
+
+    Examples
+    --------
+    It turns the other way about axes in the image plane, and the same way about the viewing
+    direction:
+
+    >>> R = rotation_from_vector(np.array([[0.1, 0.2, 0.3]]))
+    >>> vector_from_rotation(depth_reversed(R)).round(6)
+    array([[-0.1, -0.2,  0.3]])
+
+    """
     return np.asarray(MIRROR_Z @ R @ MIRROR_Z)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import MIRROR_Z, depth_reversed
-from semsfm_colmap.mapping.tilt import known_tilts
-from semsfm_colmap.motion.prior import TiltPrior
+from semsfm_colmap.geometry.subset import take_exactly
+from semsfm_colmap.mapping.context import SeriesContext
+from semsfm_colmap.mapping.guided import Guided
+from semsfm_colmap.motion.prior import known_tilts
+from semsfm_colmap.records import CueFigures, Diagnostics, PartFigures, StartFigures, TiltAgreement
+from semsfm_colmap.refinement.covariance import Covariance
 from semsfm_colmap.refinement.depth_reversal import (
     Cue,
     apply_user_word,
@@ -19,28 +23,15 @@ from semsfm_colmap.refinement.depth_reversal import (
     reverse_depth,
     visibility_cues,
 )
-from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.trust import covariance_of, reliability
-from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Reconstruction
+from semsfm_colmap.types import DepthSign, Float, Observations, OrthographicCameras, Reconstruction
 
 GAUGE = (
     "the world's axes are those of the first registered image (x right, y down, z away from the "
     "viewer), its origin is the centroid of the points; standard deviations are in the gauge of "
     "smallest total variance (inner constraints)"
 )
-RELIABILITY = (
-    "total_rotation_deg",
-    "total_rotation_sigma_deg",
-    "depth_uncertainty",
-    "best_model",
-    "models",
-    "leave_one_out",
-    "scan_drift",
-    "drift_px",
-)
-"""Diagnostics that say how far to trust a model. `drift_px`: what was taken out of the observations
-of each image, displacement in x and y of the last row against the first."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,131 +41,142 @@ class MappedPart:
     reconstruction: Reconstruction
     twin: Reconstruction | None
     """the depth-reversed model, where the evidence does not decide"""
-    rounds: tuple[dict[str, Any], ...]
-    diagnostics: dict[str, Any]
-    guided: bool = False
-    """True when the observations are those of the guided pass, not the database's keypoints"""
+    figures: PartFigures
 
     @property
-    def reliability(self) -> dict[str, Any]:
-        """How far to trust the model as a whole, for orthographic.json and metrics.json."""
-        return {key: self.diagnostics[key] for key in RELIABILITY if key in self.diagnostics}
+    def guided(self) -> bool:
+        """True when the observations are those of the guided pass, not the database's keypoints."""
+        return self.figures.diagnostics.guided is not None
+
+    def with_notes(self, notes: Iterable[str]) -> MappedPart:
+        """The same part with more to be said of it."""
+        return replace(self, figures=replace(self.figures, notes=(*self.figures.notes, *notes)))
 
 
-def finish(
-    refined: Refined,
-    observations: Observations,
-    image_names: tuple[str, ...],
-    image_size_px: Int,
-    options: RefinementOptions,
-    pixel_size_um: float | None,
-    pixel_size_source: str,
-    diagnostics: dict[str, Any],
-    tilt_notes: list[str],
-    tilt: TiltPrior | None,
-    first: Refined,
-    drift_sigma_px: float,
-) -> MappedPart:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Settled:
+    """A part whose cameras and points are what they will be, but for hand and world."""
+
+    refined: Refined
+    observations: Observations
+    """of the whole series"""
+    first: Refined
+    """the model before the guided pass"""
+    start: StartFigures
+    guided: Guided | None
+    tilt: TiltAgreement | None
+    drift_sigma_px: float
+    """prior of the scan drift where it was taken out of the observations, else 0"""
+    notes: tuple[str, ...]
+
+
+def finish(context: SeriesContext, part: Settled) -> MappedPart:
     """Error bars, hand, gauge and world unit of a refined part.
 
-    The hand is judged on the `first` model: what its tracks see is what matching found by itself,
-    a guided pass sees what the model says should be seen.
-
-    Parameters
-    ----------
-    drift_sigma_px : prior of the scan drift where it was taken out of the observations, else 0
-
+    The hand is judged on the first model: what its tracks see is what matching found by itself, a
+    guided pass sees what the model says should be seen.
     """
-    sizes = image_size_px[refined.images]
-    covariance = covariance_of(refined, sizes[:, 1].astype(float), drift_sigma_px)
-    figures, notes = reliability(
-        refined, covariance, options, sizes[:, 1].astype(float), tilt_known=tilt is not None
+    refined = part.refined
+    names = context.names_of(refined.images)
+    height_px = context.height_px[refined.images]
+    covariance = covariance_of(refined, height_px, part.drift_sigma_px)
+    trust, notes = reliability(
+        refined,
+        covariance,
+        context.refinement,
+        height_px,
+        names,
+        tilt_known=context.tilt is not None,
     )
-    if "leave_one_out" in figures:
-        numbers = figures["leave_one_out"]["images"]
-        figures["leave_one_out"]["images"] = [image_names[refined.images[k]] for k in numbers]
-    cues = find_cues(refined, first, image_names, image_size_px, options, tilt)
-    sign, reverse = decide_depth_sign(cues, options.min_depth_sign_confidence)
-    sign, reverse = apply_user_word(sign, reverse, options.depth_sign)
+    cues = find_cues(context, refined, part.first)
+    sign, reverse = decide_depth_sign(cues, context.refinement.min_depth_sign_confidence)
+    sign, reverse = apply_user_word(sign, reverse, context.refinement.depth_sign)
+    reconstruction = to_world(context, part, covariance, sign)
+    if reverse:
+        reconstruction = reversed_twin(reconstruction)
+    guided = part.guided
+    if guided is not None:
+        drift = guided.drift_px[refined.images]
+        trust = replace(
+            trust,
+            drift_px={
+                name: (float(a), float(b)) for name, (a, b) in zip(names, drift, strict=True)
+            },
+        )
+    return MappedPart(
+        reconstruction=reconstruction,
+        twin=reversed_twin(reconstruction) if sign.status == "ambiguous" else None,
+        figures=PartFigures(
+            rounds=part.first.rounds,
+            reliability=trust,
+            diagnostics=Diagnostics(
+                sigma_px=refined.sigma_px,
+                start=part.start,
+                depth_sign_cues=cue_figures(cues, reverse=reverse),
+                guided=None if guided is None else guided.figures,
+                tilt=part.tilt,
+            ),
+            notes=(*part.notes, *notes),
+        ),
+    )
+
+
+def cue_figures(cues: Mapping[str, Cue], *, reverse: bool) -> dict[str, CueFigures]:
+    """The evidence as seen from the hand that was chosen."""
+    return {
+        name: CueFigures(t=-cue.t if reverse else cue.t, num_regions=cue.num_regions)
+        for name, cue in cues.items()
+    }
+
+
+def find_cues(context: SeriesContext, refined: Refined, first: Refined) -> dict[str, Cue]:
+    """All evidence of the hand: what the tracks see, and the direction of a known tilt."""
+    cues = visibility_cues(
+        first.cameras, first.points, first.observations, context.image_size_px[first.images]
+    )
+    edge = context.refinement.receding_edge
+    if context.tilt is not None and edge != "unknown":
+        known, sigma = known_tilts(context.tilt, context.names_of(refined.images))
+        cues["known tilt"] = known_tilt_cue(
+            refined.cameras, known, axis_from_receding_edge(edge), float(np.nanmedian(sigma))
+        )
+    return cues
+
+
+def to_world(
+    context: SeriesContext, part: Settled, covariance: Covariance | None, sign: DepthSign
+) -> Reconstruction:
+    """The part as a reconstruction in the world that is written, its hand as it was found.
+
+    It holds all observations of the tracks that have a point, in registered images; those that a
+    filter rejected are marked.
+    """
+    refined = part.refined
     cameras, points, point_covariance = in_world(
         refined.cameras,
         refined.points,
         None if covariance is None else covariance.points,
-        pixel_size_um or 1.0,
+        context.pixel_size_um or 1.0,
     )
-    # all observations of the tracks that have a point, in registered images; rejected ones marked
-    image_number = np.full(observations.num_images, -1, dtype=np.int64)
-    image_number[refined.images] = np.arange(len(refined.images))
-    track_number = np.full(observations.num_tracks, -1, dtype=np.int64)
-    track_number[refined.tracks] = np.arange(len(refined.tracks))
-    kept = (image_number[observations.image_idx] >= 0) & (track_number[observations.track_idx] >= 0)
-    selected = observations.select(kept)
-    reconstruction = Reconstruction(
-        image_names=tuple(image_names[i] for i in refined.images),
-        image_size_px=sizes,
+    kept = take_exactly(part.observations, refined.images, refined.tracks)
+    return Reconstruction(
+        image_names=context.names_of(refined.images),
+        image_size_px=context.image_size_px[refined.images],
         cameras=cameras,
         points=points,
-        observations=replace(
-            selected,
-            image_idx=image_number[selected.image_idx],
-            track_idx=track_number[selected.track_idx],
-            num_images=len(refined.images),
-            num_tracks=len(refined.tracks),
-        ),
-        inlier=refined.inlier[kept],
+        observations=kept.observations,
+        inlier=refined.inlier[kept.rows],
         point_covariance=point_covariance,
         sigma_rotation_rad=None if covariance is None else covariance.sigma_rotation_rad,
         sigma_translation_px=None if covariance is None else covariance.sigma_translation_px,
         sigma_scale=None if covariance is None else covariance.sigma_scale,
-        world_unit="px" if pixel_size_um is None else "um",
-        pixel_size_um=pixel_size_um,
-        pixel_size_source=pixel_size_source,
-        camera_model=options.camera_model,
+        world_unit="px" if context.pixel_size_um is None else "um",
+        pixel_size_um=context.pixel_size_um,
+        pixel_size_source=context.pixel_size_source,
+        camera_model=context.refinement.camera_model,
         depth_sign=sign,
         gauge=GAUGE,
     )
-    if reverse:
-        reconstruction = reversed_twin(reconstruction)
-    twin = reversed_twin(reconstruction) if sign.status == "ambiguous" else None
-    return MappedPart(
-        reconstruction=reconstruction,
-        twin=twin,
-        rounds=tuple(asdict(r) for r in first.rounds),
-        guided="guided" in diagnostics,
-        diagnostics={
-            **diagnostics,
-            **figures,
-            "notes": [*tilt_notes, *notes],
-            "sigma_px": refined.sigma_px,
-            "depth_sign_cues": {
-                name: {"t": -c.t if reverse else c.t, "num_regions": c.num_regions}
-                for name, c in cues.items()
-            },
-        },
-    )
-
-
-def find_cues(
-    refined: Refined,
-    first: Refined,
-    image_names: tuple[str, ...],
-    image_size_px: Int,
-    options: RefinementOptions,
-    tilt: TiltPrior | None,
-) -> dict[str, Cue]:
-    """All evidence of the hand: what the tracks see, and the direction of a known tilt."""
-    cues = visibility_cues(
-        first.cameras, first.points, first.observations, image_size_px[first.images]
-    )
-    if tilt is not None and options.receding_edge != "unknown":
-        known, sigma = known_tilts(tilt, [image_names[i] for i in refined.images])
-        cues["known tilt"] = known_tilt_cue(
-            refined.cameras,
-            known,
-            axis_from_receding_edge(options.receding_edge),
-            float(np.nanmedian(sigma)),
-        )
-    return cues
 
 
 def in_world(

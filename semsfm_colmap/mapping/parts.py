@@ -6,26 +6,28 @@ Pure: nothing is read or written here. A series that falls into parts gives one 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from semsfm_colmap.factorization.blocks import Part
 from semsfm_colmap.factorization.degeneracy import RankDiagnosis, diagnose_rank
-from semsfm_colmap.factorization.factorize import factorize_most, find_parts
+from semsfm_colmap.factorization.factorize import Factorized, factorize_most, find_parts
 from semsfm_colmap.factorization.options import FactorizationOptions
-from semsfm_colmap.mapping.finish import MappedPart, finish
-from semsfm_colmap.mapping.guided import Guide, refine_guided
-from semsfm_colmap.mapping.tilt import known_tilts, with_known_tilt
-from semsfm_colmap.motion.prior import TiltPrior
+from semsfm_colmap.mapping.context import Guide, SeriesContext, silent
+from semsfm_colmap.mapping.drift import drift_notes
+from semsfm_colmap.mapping.finish import MappedPart, Settled, finish
+from semsfm_colmap.mapping.guided import Guided, refine_guided
+from semsfm_colmap.mapping.tilt import with_known_tilt
+from semsfm_colmap.motion.prior import TiltPrior, known_tilts
+from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
+from semsfm_colmap.records import FilteringRound
 from semsfm_colmap.refinement.options import RefinementOptions
-from semsfm_colmap.refinement.refine import refine
-from semsfm_colmap.refinement.trust import SMALL_ROTATION_DEG
+from semsfm_colmap.refinement.refine import Refined, refine
 from semsfm_colmap.tracks.diagnosis import diagnose_tracks
 from semsfm_colmap.tracks.split import split_tracks
-from semsfm_colmap.types import Float, Int, Observations, Solution
+from semsfm_colmap.types import Int, Observations, Solution
 
-NOTED_DRIFT_PX = 0.1
-"""Scan drift below this is not worth a sentence."""
 WEAK_GAP = 1.5
 """Fourth over third eigenvalue of the camera basis constraints: 1.05 for a chain whose slow bending
 noise hides, above 2 for all series that came out right."""
@@ -65,133 +67,160 @@ def map_observations(
     Solution of the parts; without any, the status and message of the largest one's failure
 
     """
-    say = note or (lambda sentence: None)
-    rng = np.random.default_rng(seed)
-    height_px = image_size_px[:, 1].astype(float)
-    parts = find_parts(observations, factorization)
+    context = SeriesContext(
+        image_names=image_names,
+        image_size_px=image_size_px,
+        factorization=factorization,
+        refinement=refinement,
+        pixel_size_um=pixel_size_um,
+        pixel_size_source=pixel_size_source,
+        tilt=tilt,
+        guide=guide,
+        seed=seed,
+        say=note or silent,
+    )
+    return map_parts(context, observations)
+
+
+def map_parts(context: SeriesContext, observations: Observations) -> Solution[list[MappedPart]]:
+    """`map_observations` of a series with its context."""
+    rng = np.random.default_rng(context.seed)
+    parts = find_parts(observations, context.factorization)
     tracks = diagnose_tracks(observations)
     if not parts:
-        status, message = tracks.failure(factorization.min_block_tracks)
+        status, message = tracks.failure(context.factorization.min_block_tracks)
         return Solution(value=None, status=status, message=message)
-    mapped: list[MappedPart] = []
-    failure: Solution[list[MappedPart]] | None = None
-    for part in parts:
-        rank = diagnose_rank(part.blocks)
-        if rank.status != "ok":
-            status, message = without_depth(rank, tilt, [image_names[i] for i in part.images])
-            failure = failure or Solution(
-                value=None, status=status, message=message, diagnostics=asdict(rank)
-            )
-            continue
-        tied, start = factorize_most(part, observations, factorization, rng)
-        if start.value is None:
-            failure = failure or Solution(
-                value=None,
-                status=start.status,
-                message=start.message,
-                diagnostics=start.diagnostics,
-            )
-            continue
-        say(
-            f"factorization: {len(tied.images)} images, {len(tied.blocks)} complete blocks, "
-            f"affine residual {start.diagnostics['affine_rms_px']:.3f} px"
-        )
-        cameras, _ = start.value
-        seen = split_tracks(
-            observations,
-            cameras,
-            tied.images,
-            min_length=refinement.min_track_length,
-            trials=refinement.ransac_trials,
-            seed=seed,
-        )
-        refined = refine(
-            cameras,
-            tied.images,
-            seen,
-            refinement,
-            rng=rng,
-            seed=seed,
-            progress=lambda r: say(
-                f"within {r.threshold_px:.2f} px: {r.num_images} images, {r.num_points} points, "
-                f"{r.num_observations} observations, sigma {r.sigma_px:.3f} px"
-            ),
-        )
-        if refined.value is None:
-            failure = failure or Solution(
-                value=None, status=refined.status, message=refined.message
-            )
-            continue
-        first, used = refined.value, seen
-        value, figures, drift_sigma, drift_said = first, {}, 0.0, []
-        if guide is not None and guide.options.enabled:
-            second = refine_guided(
-                first,
-                seen,
-                guide,
-                refinement,
-                height_px,
-                rng=rng,
-                seed=seed,
-                say=say,
-            )
-            if second is None:
-                say("guided pass: it finds less than is known already, and was left out")
-            else:
-                value, used = second.refined, second.observations
-                drift = second.drift_px[value.images].tolist()
-                names = [image_names[i] for i in value.images]
-                figures = {
-                    "guided": second.figures,
-                    "drift_px": dict(zip(names, drift, strict=True)),
-                }
-                drift_sigma = refinement.drift_sigma_px
-                drift_said = drift_notes(second.drift_px)
-        value, tilt_figures, tilt_notes = with_known_tilt(
-            value, image_names, refinement, tilt, height_px, drift_sigma
-        )
-        if start.diagnostics.get("eigenvalue_gap", np.inf) < WEAK_GAP:
-            tilt_notes = [WEAK_NOTE, *tilt_notes]
-        mapped.append(
-            finish(
-                value,
-                used,
-                image_names,
-                image_size_px,
-                refinement,
-                pixel_size_um,
-                pixel_size_source,
-                {**start.diagnostics, **figures, **tilt_figures},
-                [*tilt_notes, *drift_said],
-                tilt,
-                first,
-                drift_sigma,
-            )
-        )
-        say(mapped[-1].reconstruction.depth_sign.message)
+    found = [map_part(context, part, observations, rng) for part in parts]
+    mapped = sorted(
+        (solution.value for solution in found if solution.value is not None),
+        key=lambda part: -part.reconstruction.num_images,
+    )
     if not mapped:
-        assert failure is not None
-        return failure
-    mapped.sort(key=lambda p: -p.reconstruction.num_images)
-    notes = tracks.notes(image_names)
-    mapped[0].diagnostics["notes"].extend(notes.values())
-    if mapped[0].diagnostics["total_rotation_deg"] < SMALL_ROTATION_DEG:
-        notes["small_rotation"] = ""
+        first = found[0]
+        return Solution(
+            value=None,
+            status=first.status,
+            message=first.message,
+            diagnostics=first.diagnostics,
+        )
+    notes = tracks.notes(context.image_names)
+    mapped[0] = mapped[0].with_notes(notes.values())
+    statuses = list(notes)
+    if mapped[0].figures.reliability.total_rotation_deg < SMALL_ROTATION_DEG:
+        statuses.append("small_rotation")
     if len(mapped) > 1:
-        notes["several_parts"] = ""
+        statuses.append("several_parts")
     # "ok", or what is to be said of the series, its sentences among the notes
-    return Solution(value=mapped, status=", ".join(notes) or "ok")
+    return Solution(value=mapped, status=", ".join(statuses) or "ok")
 
 
-def drift_notes(drift_px: Float) -> list[str]:
-    """What to say of the scan drift taken out of a part."""
-    largest = float(np.abs(drift_px).max(initial=0.0))
-    if largest < NOTED_DRIFT_PX:
-        return []
-    return [
-        "the specimen drifted while the frames were scanned, the last row against the first by up "
-        f"to {largest:.2f} px; the observations are given as they would be without (drift_px)"
-    ]
+@dataclass(frozen=True, kw_only=True, eq=False)
+class First:
+    """The first model of a part: what the matches alone give."""
+
+    start: Factorized
+    observations: Observations
+    """of the whole series, tracks of two points cut in two"""
+    refined: Refined
+
+
+def map_part(
+    context: SeriesContext, part: Part, observations: Observations, rng: np.random.Generator
+) -> Solution[MappedPart]:
+    """One connected part: first model, guided pass, known tilt, hand and world."""
+    begun = first_model(context, part, observations, rng)
+    if begun.value is None:
+        return Solution(
+            value=None,
+            status=begun.status,
+            message=begun.message,
+            diagnostics=begun.diagnostics,
+        )
+    first = begun.value
+    guided = guide_part(context, first, rng)
+    value, drift_sigma_px = first.refined, 0.0
+    if guided is not None:
+        value, drift_sigma_px = guided.refined, context.refinement.drift_sigma_px
+    value, agreement, notes = with_known_tilt(context, value, drift_sigma_px)
+    gap = first.start.figures.eigenvalue_gap
+    if gap is not None and gap < WEAK_GAP:
+        notes = [WEAK_NOTE, *notes]
+    if guided is not None:
+        notes = [*notes, *drift_notes(guided.drift_px)]
+    mapped = finish(
+        context,
+        Settled(
+            refined=value,
+            observations=first.observations if guided is None else guided.observations,
+            first=first.refined,
+            start=first.start.figures,
+            guided=guided,
+            tilt=agreement,
+            drift_sigma_px=drift_sigma_px,
+            notes=tuple(notes),
+        ),
+    )
+    context.say(mapped.reconstruction.depth_sign.message)
+    return Solution(value=mapped)
+
+
+def first_model(
+    context: SeriesContext, part: Part, observations: Observations, rng: np.random.Generator
+) -> Solution[First]:
+    """Factorize a part and refine it, or say why it gives no model."""
+    rank = diagnose_rank(part.blocks)
+    if rank.status != "ok":
+        status, message = without_depth(rank, context.tilt, list(context.names_of(part.images)))
+        return Solution(value=None, status=status, message=message, diagnostics=asdict(rank))
+    tied, start = factorize_most(part, observations, context.factorization, rng)
+    if start.value is None:
+        return Solution(
+            value=None,
+            status=start.status,
+            message=start.message,
+            diagnostics=start.diagnostics,
+        )
+    context.say(
+        f"factorization: {len(tied.images)} images, {len(tied.blocks)} complete blocks, "
+        f"affine residual {start.value.figures.affine_rms_px:.3f} px"
+    )
+    seen = split_tracks(
+        observations,
+        start.value.cameras,
+        tied.images,
+        min_length=context.refinement.min_track_length,
+        trials=context.refinement.ransac_trials,
+        seed=context.seed,
+    )
+
+    def tell(r: FilteringRound) -> None:
+        context.say(
+            f"within {r.threshold_px:.2f} px: {r.num_images} images, {r.num_points} points, "
+            f"{r.num_observations} observations, sigma {r.sigma_px:.3f} px"
+        )
+
+    refined = refine(
+        start.value.cameras,
+        tied.images,
+        seen,
+        context.refinement,
+        rng=rng,
+        seed=context.seed,
+        progress=tell,
+    )
+    if refined.value is None:
+        return Solution(value=None, status=refined.status, message=refined.message)
+    return Solution(value=First(start=start.value, observations=seen, refined=refined.value))
+
+
+def guide_part(context: SeriesContext, first: First, rng: np.random.Generator) -> Guided | None:
+    """The guided second pass, where the images are at hand and it finds more than is known."""
+    if context.guide is None or not context.guide.options.enabled:
+        return None
+    guided = refine_guided(context, context.guide, first.refined, first.observations, rng=rng)
+    if guided is None:
+        context.say("guided pass: it finds less than is known already, and was left out")
+    return guided
 
 
 def without_depth(rank: RankDiagnosis, tilt: TiltPrior | None, names: list[str]) -> tuple[str, str]:

@@ -3,76 +3,67 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import rotation_angle
-from semsfm_colmap.motion.prior import TiltPrior, check_tilt, combine_tilt
+from semsfm_colmap.mapping.context import SeriesContext
+from semsfm_colmap.motion.check import check_tilt
+from semsfm_colmap.motion.combine import combine_tilt
+from semsfm_colmap.motion.prior import known_tilts
+from semsfm_colmap.records import TiltAgreement
 from semsfm_colmap.refinement.known_angles import angle_prior
 from semsfm_colmap.refinement.model_choice import total_rotation
-from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, adjust_with_angles
 from semsfm_colmap.refinement.trust import covariance_of, total_rotation_sigma
-from semsfm_colmap.types import Float
 
 TIGHT = 0.1
 """Standard deviation of angles that are to hold, in formal errors of the images."""
 
 
-def known_tilts(tilt: TiltPrior, names: list[str]) -> tuple[Float, Float]:
-    """Known angles and their sigmas of some images, nan where nothing is known."""
-    number = {name: k for k, name in enumerate(tilt.image_names)}
-    rows = np.array([number[name] for name in names])
-    return tilt.angle_rad[rows], tilt.sigma_rad[rows]
-
-
 def with_known_tilt(
-    refined: Refined,
-    image_names: tuple[str, ...],
-    options: RefinementOptions,
-    tilt: TiltPrior | None,
-    height_px: Float,
-    drift_sigma_px: float,
-) -> tuple[Refined, dict[str, Any], list[str]]:
+    context: SeriesContext, refined: Refined, drift_sigma_px: float
+) -> tuple[Refined, TiltAgreement | None, list[str]]:
     """Adjust with the known tilt when the images agree with it; else say so and leave it out.
 
     The adjusted angles are those of the images, all stretched by one factor (`combine_tilt`): how
     they lie to one another the images know better than any stage. The error bars stay those of the
     images alone.
     """
+    tilt = context.tilt
     if tilt is None:
-        return refined, {}, []
-    names = [image_names[i] for i in refined.images]
+        return refined, None, []
+    names = list(context.names_of(refined.images))
+    height_px = context.height_px[refined.images]
     R = np.asarray(refined.cameras.cam_from_world)
     check = check_tilt(tilt, names, R)
-    figures = {
-        "source": tilt.source,
-        "consistent": check.consistent,
-        "factor": None if np.isnan(check.factor) else check.factor,
-        "tolerance": None if np.isnan(check.tolerance) else check.tolerance,
-    }
+    agreement = TiltAgreement(
+        source=tilt.source,
+        consistent=check.consistent,
+        factor=None if np.isnan(check.factor) else check.factor,
+        tolerance=None if np.isnan(check.tolerance) else check.tolerance,
+    )
     known = angle_prior(*known_tilts(tilt, names))
-    covariance = covariance_of(refined, height_px[refined.images], drift_sigma_px)
+    covariance = covariance_of(refined, height_px, drift_sigma_px)
     if not check.consistent or known is None or covariance is None or np.isnan(check.factor):
-        return refined, {"tilt_prior": figures}, [check.message]
+        return refined, agreement, [check.message]
     combined = combine_tilt(check, total_rotation(R), total_rotation_sigma(refined, covariance))
     # the adjustment knows of no drift: what holds against it is measured by its own error bars
     own = covariance
     if drift_sigma_px > 0.0:
-        own = covariance_of(refined, height_px[refined.images], 0.0) or covariance
+        own = covariance_of(refined, height_px, 0.0) or covariance
     a, b = known.pairs.T
     angles = replace(
         known,
         angle_rad=combined.stretch * rotation_angle(R[a] @ R[b].transpose(0, 2, 1)),
         sigma_rad=np.full(len(a), TIGHT * total_rotation_sigma(refined, own)),
     )
-    adjusted = replace(
-        adjust_with_angles(refined, angles, options), state=refined.state, model=refined.model
+    adjusted = adjust_with_angles(refined, angles, context.refinement)
+    agreement = replace(
+        agreement, stretch=combined.stretch, weight=combined.weight, sigma=combined.sigma
     )
-    figures |= {"stretch": combined.stretch, "weight": combined.weight, "sigma": combined.sigma}
     note = (
         f"{check.message}; with a weight of {100 * combined.weight:.0f} % for the known tilts "
         f"({tilt.source}) the angles changed by {100 * (combined.stretch - 1):+.2f} %"
     )
-    return adjusted, {"tilt_prior": figures}, [note]
+    return adjusted, agreement, [note]

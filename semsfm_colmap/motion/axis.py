@@ -33,7 +33,7 @@ CLOSING_STEPS = 1.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RotationSeries:
+class AxisRotation:
     """The motion of M images as a rotation about one axis."""
 
     axis_camera: Float
@@ -76,7 +76,7 @@ def _frame_with_third_axis(axis: Float) -> Float:
     return np.stack([first, np.cross(axis, first), axis], axis=1)
 
 
-def fit_rotation_series(cam_from_world: Float) -> RotationSeries | None:
+def fit_axis(cam_from_world: Float) -> AxisRotation | None:
     """Fit one axis to the rotations (M, 3, 3) of a series in acquisition order.
 
     None for fewer than two images, or when nothing rotates.
@@ -102,7 +102,7 @@ def fit_rotation_series(cam_from_world: Float) -> RotationSeries | None:
     wobble = np.arctan2(
         np.linalg.norm(np.cross(predicted, axis_camera), axis=1), predicted @ axis_camera
     )
-    return RotationSeries(
+    return AxisRotation(
         axis_camera=sign * axis_camera,
         axis_world=sign * axis_world,
         angle_rad=sign * (phi - phi[0]),

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import math
 
+SMALL_ROTATION_DEG = 15.0
+"""Below this total rotation angle and depth are seen only in second order: neither a fixed nor a
+free magnification is safe (0.1 % of drift shifts the tilt by several percent)."""
 DRIFT_TO_TILT = 9000.0
 """Relative error of the tilt per relative change of magnification, times the squared range."""
 IMAGES_SIGMA = 0.0004

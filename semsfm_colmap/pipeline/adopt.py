@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +18,10 @@ from semsfm_colmap.config import Config, read_config
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.pipeline.project import Project, locked
 from semsfm_colmap.pipeline.record import RunRecord
+from semsfm_colmap.pipeline.registry import stages_after
 
 KEPT = "sparse_before_adoption"
 """Folder of the project that keeps the model that was replaced."""
-DEPENDENT_STAGES = ("densify", "mesh", "report")
-"""What was made from the first model and is stale after its change."""
 
 
 def adopt_model(
@@ -87,18 +87,14 @@ def _mark(project: Project, model: int, change: ModelChange) -> None:
     if not project.record.is_file():
         return
     record = RunRecord.read(project.record)
-    summary = record.stages.setdefault("map", {}).setdefault("summary", {})
     note = (
         f"Model {model} was changed by COLMAP and adopted: its cameras turned by at most "
         f"{float(np.max(change.rotation_deg)):.3g} degrees; the error bars of the first solution "
         "do not hold for it and were dropped."
     )
-    summary["notes"] = [*summary.get("notes", []), note]
+    record.stages["map"] = record.entry("map").with_note(note)
     if model == 0:
-        for name in DEPENDENT_STAGES:
+        for name in stages_after("map"):
             if name in record.stages:
-                record.stages[name] = {
-                    "status": "stale",
-                    "summary": record.stages[name].get("summary", {}),
-                }
+                record.stages[name] = replace(record.stages[name], status="stale", key="")
     record.write()

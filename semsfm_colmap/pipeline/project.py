@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from semsfm_colmap.errors import UsageError
 
-FOREIGN = ("database.db", "sparse", "images", "dense", "mesh")
-"""Names that another program may have left; they are never overwritten."""
+if TYPE_CHECKING:
+    from semsfm_colmap.types import Reconstruction, SemSeries
+
 LOCK_FILE = ".semsfm.lock"
 """Held while a process works on a project. It marks the folder as ours from the first moment,
 before there is a run.json: a run that is killed while it prepares the images can be repeated."""
@@ -79,19 +81,37 @@ class Project:
         """The report."""
         return self.path / "report"
 
+    def read_series(self) -> SemSeries:
+        """The prepared series."""
+        from semsfm_colmap.ingest.series.file import read_series
+
+        return read_series(self.series)
+
+    def read_main_model(self) -> Reconstruction:
+        """The first model."""
+        from semsfm_colmap.colmap.model.sparse import read_model
+
+        return read_model(self.sparse / "0")
+
     @property
     def masks_or_none(self) -> Path | None:
         """The masks folder when it holds any."""
         return self.masks if self.masks.is_dir() and any(self.masks.iterdir()) else None
 
 
-def check_output(project: Project) -> None:
-    """Refuse a folder that holds what another program made."""
+def check_output(project: Project, places: Iterable[str]) -> None:
+    """Refuse a folder that holds what another program made.
+
+    Parameters
+    ----------
+    places : names that another program may have left; they are never overwritten
+
+    """
     if project.path.exists() and not project.path.is_dir():
         raise UsageError(f"{project.path} is a file: give a folder as --output_path")
     if project.record.is_file() or (project.path / LOCK_FILE).is_file():
         return
-    for name in FOREIGN:
+    for name in places:
         if (project.path / name).exists():
             raise UsageError(
                 f"{project.path / name} exists but was not made by semsfm: give another "

@@ -7,25 +7,66 @@ import json
 import platform
 import resource
 import sys
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeVar
 
-import semsfm_colmap
 from semsfm_colmap.io.atomic import write_json
+from semsfm_colmap.records import StageRecord, from_plain, to_plain
+from semsfm_colmap.version import __version__
 
 FORMAT = "semsfm-run"
 VERSION = 1
 PACKAGES = ("numpy", "scipy", "numba", "pycolmap", "opencv-python-headless", "open3d-cpu", "open3d")
 
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageEntry:
+    """The last run of one stage."""
+
+    status: Literal["running", "done", "failed", "stale"] = "stale"
+    key: str = ""
+    """of its inputs and options"""
+    product: str = ""
+    """what later stages depend on; empty: the key"""
+    seconds: float = 0.0
+    peak_memory_mb: float = 0.0
+    summary: Mapping[str, Any] = field(default_factory=dict)
+    """the stage's record, see `semsfm_colmap.records`"""
+
+    @property
+    def for_later_stages(self) -> str:
+        """The key that later stages see."""
+        return self.product or self.key
+
+    def with_note(self, note: str) -> StageEntry:
+        """The same entry with one more thing to say."""
+        notes = [*self.summary.get("notes", []), note]
+        return replace(self, summary={**self.summary, "notes": notes})
+
+    @classmethod
+    def done(cls, key: str, seconds: float, record: StageRecord, product: str = "") -> StageEntry:
+        """The entry of a stage that has ended now."""
+        return cls(
+            status="done",
+            key=key,
+            product=product,
+            seconds=seconds,
+            peak_memory_mb=peak_memory_mb(),
+            summary=to_plain(record),
+        )
+
 
 @dataclass
 class RunRecord:
-    """The content of run.json; `stages` maps a stage to its last finished run."""
+    """The content of run.json; `stages` maps a stage to its last run."""
 
     path: Path
-    stages: dict[str, dict[str, Any]] = field(default_factory=dict)
+    stages: dict[str, StageEntry] = field(default_factory=dict)
     inputs: dict[str, str] = field(default_factory=dict)
     image_path: str = ""
     seed: int = 0
@@ -39,9 +80,12 @@ class RunRecord:
             return cls(path=path)
         if not isinstance(data, dict) or data.get("format") != FORMAT:
             return cls(path=path)
+        entries = {
+            name: from_plain(StageEntry, entry) for name, entry in data.get("stages", {}).items()
+        }
         return cls(
             path=path,
-            stages=dict(data.get("stages", {})),
+            stages={name: entry for name, entry in entries.items() if entry is not None},
             inputs=dict(data.get("inputs", {})),
             image_path=str(data.get("image_path", "")),
             seed=int(data.get("seed", 0)),
@@ -55,20 +99,32 @@ class RunRecord:
             "image_path": self.image_path,
             "seed": self.seed,
             "versions": versions(),
-            "stages": self.stages,
+            "stages": {name: asdict(entry) for name, entry in self.stages.items()},
             "inputs": self.inputs,
         }
         write_json(data, self.path)
 
+    def entry(self, name: str) -> StageEntry:
+        """The last run of a stage, an empty one when it never ran."""
+        return self.stages.get(name, StageEntry())
+
     def is_done(self, name: str, key: str) -> bool:
         """Whether the stage finished with these inputs and options."""
-        stage = self.stages.get(name, {})
-        return stage.get("status") == "done" and stage.get("key") == key
+        entry = self.entry(name)
+        return entry.status == "done" and entry.key == key
+
+    def result(self, name: str, kind: type[R]) -> R | None:
+        """What a stage has left behind; None when it never ran to its end."""
+        return from_plain(kind, self.entry(name).summary)
+
+    def notes(self) -> list[str]:
+        """The sentences of all stages, in their order."""
+        return [note for e in self.stages.values() for note in e.summary.get("notes", [])]
 
 
 def versions() -> dict[str, str]:
     """Versions of the program and the libraries that shape its results."""
-    result = {"semsfm_colmap": semsfm_colmap.__version__, "python": platform.python_version()}
+    result = {"semsfm_colmap": __version__, "python": platform.python_version()}
     for package in PACKAGES:
         try:
             result[package] = version(package)

@@ -18,7 +18,6 @@ class Reporter:
 
     def __init__(self, verbosity: int = 0) -> None:
         self.verbosity = verbosity
-        self.notes: list[str] = []
         self._handlers: list[logging.Handler] = []
         self._buffer: list[str] = []
         self._file: Path | None = None

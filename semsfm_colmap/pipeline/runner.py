@@ -3,86 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semsfm_colmap.config import Config, options_key, write_config
 from semsfm_colmap.errors import InputError, SemSfmError, UsageError
+from semsfm_colmap.pipeline.executor import Executor, ThreadExecutor
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 from semsfm_colmap.pipeline.record import (
     RunRecord,
+    StageEntry,
     hash_file,
     hash_text,
     peak_memory_mb,
 )
+from semsfm_colmap.pipeline.registry import STAGE_NAMES, STAGES, find_stage, stages_after
 from semsfm_colmap.pipeline.reporter import Reporter
-from semsfm_colmap.pipeline.stages import all as stages
-from semsfm_colmap.pipeline.stages import surface as surface_stages
+from semsfm_colmap.pipeline.stage import Stage, StageRun
+from semsfm_colmap.records import StageRecord, to_plain
 
-STAGE_FORMAT = "2"
+STAGE_FORMAT = "3"
 """Raise it when a stage's results change for unchanged options: old projects are recomputed."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stage:
-    """A stage: which options shape it, what it must leave behind, how to run it."""
-
-    name: str
-    sections: tuple[str, ...]
-    outputs: Callable[[Project], Sequence[Path]]
-    run: Callable[[Project, Config, Reporter, RunRecord, bool], stages.Summary]
-    optional: bool = False
-    """A failure is a warning, not the end: what was computed before is worth having."""
-
-
-STAGES = (
-    Stage(
-        name="ingest",
-        sections=("ingest",),
-        outputs=lambda p: [p.series, p.images],
-        run=lambda p, c, r, record, fresh: stages.ingest(p, Path(record.image_path), c, r),
-    ),
-    Stage(
-        name="extract",
-        sections=("features",),
-        outputs=lambda p: [p.database],
-        run=lambda p, c, r, record, fresh: stages.extract(p, c, r, fresh=fresh),
-    ),
-    Stage(
-        name="match",
-        sections=("matching",),
-        outputs=lambda p: [p.database],
-        run=lambda p, c, r, record, fresh: stages.match(p, c, r, fresh=fresh),
-    ),
-    Stage(
-        name="map",
-        sections=("tracks", "factorization", "guided", "refinement", "export"),
-        outputs=lambda p: [p.sparse / "0" / "points3D.bin", p.sparse / "0" / "orthographic.json"],
-        run=lambda p, c, r, record, fresh: stages.map_(p, c, r, record),
-    ),
-    Stage(
-        name="densify",
-        sections=("surface",),
-        outputs=lambda p: [p.dense / "fused.ply"],
-        run=lambda p, c, r, record, fresh: surface_stages.densify(p, c, r),
-        optional=True,
-    ),
-    Stage(
-        name="mesh",
-        sections=("surface",),
-        outputs=lambda p: [p.mesh / "mesh.ply"],
-        run=lambda p, c, r, record, fresh: surface_stages.mesh(p, c, r),
-        optional=True,
-    ),
-    Stage(
-        name="report",
-        sections=(),
-        outputs=lambda p: [p.report / "report.html", p.report / "metrics.json"],
-        run=lambda p, c, r, record, fresh: stages.report(p, record, r),
-    ),
-)
-STAGE_NAMES = tuple(stage.name for stage in STAGES)
 
 
 def input_hashes(image_path: Path, known: dict[str, str]) -> dict[str, str]:
@@ -107,36 +49,42 @@ def input_hashes(image_path: Path, known: dict[str, str]) -> dict[str, str]:
     return hashes
 
 
-def hash_pixels(project: Project) -> str:
-    """A key of what features and matches depend on: the images in their order, and the masks."""
-    names = stages.read_project_series(project).names
-    files = [project.images / name for name in names]
-    if project.masks.is_dir():
-        files += sorted(path for path in project.masks.rglob("*") if path.is_file())
-    return hash_text(*(f"{path.name} {hash_file(path)}" for path in files))
+def source_key(record: RunRecord) -> str:
+    """A key of the source images as the record holds them."""
+    return hash_text(
+        STAGE_FORMAT,
+        record.image_path,
+        *(f"{name} {value.rsplit(':', 1)[-1]}" for name, value in sorted(record.inputs.items())),
+    )
 
 
-def product_key(record: RunRecord, name: str, key: str) -> str:
-    """What later stages see of a stage that stands: the pixels of ingest, the key of any other.
+def stage_key(stage: Stage, before: str, project: Project, config: Config) -> str:
+    """A key of all that shapes the results of a stage.
 
-    A run with another tilt or pixel size keeps its features and matches.
+    Parameters
+    ----------
+    before : what it sees of the stages before
+
     """
-    stage = record.stages.get(name, {})
-    return str(stage.get("pixels") or stage.get("key", key))
+    files = [path for path in stage.inputs(project) if path.is_file()]
+    if files:
+        before = hash_text(before, *map(hash_file, files))
+    text = [options_key(getattr(config, section)) for section in stage.sections]
+    # the seed and nothing else of the top level changes a result
+    return hash_text(before, stage.name, str(config.seed), *text)
 
 
-def standing_key(record: RunRecord, name: str, expected: str) -> str:
+def standing_key(entry: StageEntry, expected: str) -> str:
     """What later stages see of a stage that is not run now: it counts as it stands.
 
     Where that is of other options or inputs than it would be now, or nothing at all, they see that:
     a report is of the model and of the mesh, whichever came last.
     """
-    stage = record.stages.get(name, {})
-    if stage.get("status") != "done":
+    if entry.status != "done":
         return hash_text(expected, "nothing")
-    if "pixels" in stage or stage["key"] == expected:
-        return product_key(record, name, expected)
-    return hash_text(expected, str(stage["key"]))
+    if entry.product or entry.key == expected:
+        return entry.for_later_stages
+    return hash_text(expected, entry.key)
 
 
 def run_stages(
@@ -146,6 +94,7 @@ def run_stages(
     names: Sequence[str] = STAGE_NAMES,
     image_path: Path | None = None,
     reporter: Reporter | None = None,
+    executor: Executor | None = None,
     force: bool = False,
 ) -> RunRecord:
     """Run some stages of a project, in order.
@@ -153,7 +102,8 @@ def run_stages(
     Parameters
     ----------
     names : stages to run; those before them must have run
-    image_path : folder of the source images; needed for the ingest stage
+    image_path : folder of the source images; needed for the stage that makes the project
+    executor : how work on single images and pairs is spread; default: threads of this process
     force : run them even when nothing has changed
 
     Raises
@@ -163,16 +113,14 @@ def run_stages(
     """
     reporter = reporter or Reporter(verbosity=-1)
     project = Project(Path(project_path))
-    unknown = [name for name in names if name not in STAGE_NAMES]
-    if unknown:
-        raise UsageError(f"unknown stage {unknown[0]}: the stages are {', '.join(STAGE_NAMES)}")
-    check_output(project)
+    chosen = [find_stage(name) for name in names]
+    check_output(project, [place for stage in STAGES for place in stage.places])
     if image_path is not None:
         image_path = Path(image_path)
         if not image_path.exists():
             raise UsageError(f"{image_path} does not exist: give the folder with the images")
-    elif "ingest" in names:
-        raise UsageError("the ingest stage needs the folder with the images")
+    elif any(stage.founds for stage in chosen):
+        raise UsageError(f"the {STAGE_NAMES[0]} stage needs the folder with the images")
     elif not project.series.is_file():
         raise UsageError(f"{project.path} is not a semsfm project: run `semsfm extract` first")
     with locked(project):
@@ -182,85 +130,108 @@ def run_stages(
             record.image_path = str(image_path.resolve())
             record.inputs = input_hashes(image_path, record.inputs)
         record.seed = config.seed
+        runner = Runner(
+            project=project,
+            config=config,
+            record=record,
+            reporter=reporter,
+            executor=executor or ThreadExecutor(config.num_threads),
+            force=force,
+        )
         try:
-            _run(project, config, record, names, reporter, force)
+            runner.run({stage.name for stage in chosen})
         finally:
             reporter.close()
     return record
 
 
-def _run(
-    project: Project,
-    config: Config,
-    record: RunRecord,
-    names: Sequence[str],
-    reporter: Reporter,
-    force: bool,
-) -> None:
-    key = hash_text(
-        STAGE_FORMAT,
-        record.image_path,
-        *(f"{name} {value.rsplit(':', 1)[-1]}" for name, value in sorted(record.inputs.items())),
-    )
-    for stage in STAGES:
-        if stage.name == "map" and project.series.is_file():
-            # the first to ask for more of the series than its pixels: size, tilts, warnings
-            key = hash_text(key, hash_file(project.series))
-        text = [options_key(getattr(config, section)) for section in stage.sections]
-        # the seed and nothing else of the top level changes a result
-        key = hash_text(key, stage.name, str(config.seed), *text)
-        outputs = stage.outputs(project)
-        if stage.name not in names:
-            here = STAGE_NAMES.index(stage.name)
-            needed = any(STAGE_NAMES.index(n) > here for n in names) and not stage.optional
-            if needed and not all(path.exists() for path in outputs):
-                raise InputError(
-                    f"{outputs[0]} is missing: run `semsfm {stage.name}` on the project first"
-                )
-            key = standing_key(record, stage.name, key)
-            continue
-        done = record.is_done(stage.name, key) and all(path.exists() for path in outputs)
-        if done and not force:
-            reporter.say(f"{stage.name}: up to date")
-            key = product_key(record, stage.name, key)
-            continue
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Runner:
+    """One call of `run_stages` on a project that it holds."""
+
+    project: Project
+    config: Config
+    record: RunRecord
+    reporter: Reporter
+    executor: Executor
+    force: bool
+
+    def run(self, names: set[str]) -> None:
+        """Go through all stages; run those named that are not up to date."""
+        key = source_key(self.record)
+        for stage in STAGES:
+            key = stage_key(stage, key, self.project, self.config)
+            if stage.name not in names:
+                self.check_standing(stage, names)
+                key = standing_key(self.record.entry(stage.name), key)
+            elif self.is_up_to_date(stage, key) and not self.force:
+                self.reporter.say(f"{stage.name}: up to date")
+                key = self.record.entry(stage.name).for_later_stages
+            elif self.perform(stage, key):
+                key = self.record.entry(stage.name).for_later_stages
+
+    def is_up_to_date(self, stage: Stage, key: str) -> bool:
+        """Whether the stage was finished with this key and its outputs are there."""
+        there = all(path.exists() for path in stage.outputs(self.project))
+        return self.record.is_done(stage.name, key) and there
+
+    def check_standing(self, stage: Stage, names: set[str]) -> None:
+        """Refuse to run later stages on results that are not there."""
+        outputs = stage.outputs(self.project)
+        needed = not stage.optional and not names.isdisjoint(stages_after(stage.name))
+        if needed and not all(path.exists() for path in outputs):
+            raise InputError(
+                f"{outputs[0]} is missing: run `semsfm {stage.name}` on the project first"
+            )
+
+    def perform(self, stage: Stage, key: str) -> bool:
+        """Run a stage and keep what it says; False when an optional one has failed."""
         begin = time.monotonic()
-        started = record.stages.get(stage.name, {})
         # a run with the same key that was cut off goes on; anything else starts afresh
-        fresh = force or started.get("key") != key
-        if stage.name != "ingest":
-            reporter.log_to(project.log)
-            record.stages[stage.name] = {"status": "running", "key": key}
-            record.write()
+        fresh = self.force or self.record.entry(stage.name).key != key
+        if not stage.founds:
+            self.reporter.log_to(self.project.log)
+            self.keep(stage, StageEntry(status="running", key=key))
         try:
-            summary = stage.run(project, config, reporter, record, fresh)
+            result = stage.run(
+                StageRun(
+                    project=self.project,
+                    config=self.config,
+                    reporter=self.reporter,
+                    record=self.record,
+                    executor=self.executor,
+                    fresh=fresh,
+                )
+            )
         except SemSfmError as error:
-            if stage.name != "ingest":
-                record.stages[stage.name] = {
-                    "status": "failed",
-                    "key": "",
-                    "seconds": time.monotonic() - begin,
-                    "peak_memory_mb": peak_memory_mb(),
-                    "summary": {"notes": [f"{stage.name}: {error}"]},
-                }
-                record.write()
+            if not stage.founds:
+                self.keep(stage, failed(stage, time.monotonic() - begin, error))
             if not stage.optional:
                 raise
-            reporter.warn(f"{stage.name}: {error}")
-            continue
-        record.stages[stage.name] = {
-            "status": "done",
-            "key": key,
-            "seconds": time.monotonic() - begin,
-            "peak_memory_mb": peak_memory_mb(),
-            "summary": summary,
-        }
-        if stage.name == "ingest":
-            record.stages[stage.name]["pixels"] = hash_pixels(project)
-            reporter.log_to(project.log)
-        key = product_key(record, stage.name, key)
-        record.write()
-        write_config(config, project.config)
+            self.reporter.warn(f"{stage.name}: {error}")
+            return False
+        entry = StageEntry.done(key, time.monotonic() - begin, result)
+        if stage.product is not None:
+            entry = replace(entry, product=stage.product(self.project))
+        self.reporter.log_to(self.project.log)
+        self.keep(stage, entry)
+        write_config(self.config, self.project.config)
+        return True
+
+    def keep(self, stage: Stage, entry: StageEntry) -> None:
+        """Put the entry of a stage into run.json."""
+        self.record.stages[stage.name] = entry
+        self.record.write()
+
+
+def failed(stage: Stage, seconds: float, error: SemSfmError) -> StageEntry:
+    """The entry of a stage that could not be done."""
+    return StageEntry(
+        status="failed",
+        seconds=seconds,
+        peak_memory_mb=peak_memory_mb(),
+        summary=to_plain(StageRecord(notes=(f"{stage.name}: {error}",))),
+    )
 
 
 def reconstruct(

@@ -12,16 +12,20 @@ free. Gauge: none is fixed, the damping picks the smallest step; the magnificati
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy import sparse
 
-from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions, minimise
+from semsfm_colmap.geometry.eliminated import minimise
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.geometry.threads import threads_for
+from semsfm_colmap.refinement.adjustment import Adjustment, BundleSettings, PoseModel
 from semsfm_colmap.refinement.bundle_kernels import fill_jacobian
 from semsfm_colmap.refinement.known_angles import AnglePrior
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Solution
+
+P = TypeVar("P")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,6 +66,10 @@ class BundleModel:
             affine_sigma=affine_sigma,
             angles=angles,
         )
+
+    def poses(self, params: OrthographicCameras) -> OrthographicCameras:
+        """The parameters are the cameras."""
+        return params
 
     def cameras(self, params: OrthographicCameras) -> tuple[Float, Float]:
         """The affine form of the cameras."""
@@ -132,14 +140,10 @@ class BundleModel:
 def bundle_adjust(
     cameras: OrthographicCameras,
     observations: Observations,
+    settings: BundleSettings | None = None,
     *,
-    camera_model: str = "scaled_orthographic",
-    scale_sigma: float = 0.001,
-    affine_sigma: float = 0.003,
-    sigma_px: float = 0.3,
     angles: AnglePrior | None = None,
-    solver: SolverOptions | None = None,
-) -> Solution[tuple[OrthographicCameras, Float]]:
+) -> Solution[Adjustment[OrthographicCameras]]:
     """Refine cameras and points to the minimum of the robust reprojection error.
 
     Parameters
@@ -147,31 +151,31 @@ def bundle_adjust(
     cameras : magnifications near 1 px per unit (the prior's mean)
     observations : sorted by track, every track seen at least twice
     angles : known angles between images
-    sigma_px : measurement noise per coordinate; balances the data against the priors
-
-    Returns
-    -------
-    Solution of (cameras, points (N, 3)); ``diagnostics`` holds the final `Eliminated` state
 
     """
-    if camera_model == "orthographic":
+    settings = settings or BundleSettings()
+    if settings.camera_model == "orthographic":
         cameras = replace(cameras, scale_px_per_unit=np.ones(len(cameras)))
     model = BundleModel.build(
         len(cameras),
-        free_scale=camera_model != "orthographic",
-        free_affine=camera_model == "affine",
-        scale_sigma=scale_sigma,
-        affine_sigma=affine_sigma,
+        free_scale=settings.camera_model != "orthographic",
+        free_affine=settings.camera_model == "affine",
+        scale_sigma=settings.scale_sigma,
+        affine_sigma=settings.affine_sigma,
         angles=angles,
     )
-    end: Eliminated[OrthographicCameras] = minimise(
-        model, cameras, observations, sigma_px=sigma_px, options=solver
-    )
+    return adjust(model, cameras, observations, settings)
+
+
+def adjust(
+    model: PoseModel[P], params: P, observations: Observations, settings: BundleSettings
+) -> Solution[Adjustment[P]]:
+    """Search from `params` with any camera parametrisation."""
+    end = minimise(model, params, observations, sigma_px=settings.sigma_px, options=settings.solver)
     return Solution(
-        value=(end.params, end.X),
+        value=Adjustment(model=model, state=end),
         status="ok" if end.converged else "iteration_limit",
         message="" if end.converged else "bundle adjustment stopped before it converged",
         iterations=end.iterations,
         costs=end.costs,
-        diagnostics={"state": end, "model": model},
     )

@@ -25,7 +25,6 @@ from scipy.linalg import LinAlgError
 
 from semsfm_colmap.geometry.band import BandFactor, BandMatrix
 from semsfm_colmap.geometry.eliminated import (
-    CameraModel,
     Eliminated,
     ReducedSystem,
     linearise,
@@ -35,7 +34,7 @@ from semsfm_colmap.geometry.losses import gaussian_constants, weight
 from semsfm_colmap.geometry.points import track_pointer
 from semsfm_colmap.geometry.reduced import PARALLEL_COST, CovisiblePairs, track_batches
 from semsfm_colmap.geometry.threads import threads_for
-from semsfm_colmap.refinement.bundle import BundleModel
+from semsfm_colmap.refinement.adjustment import PoseModel
 from semsfm_colmap.refinement.covariance_kernels import point_covariance
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Solution
 
@@ -88,12 +87,12 @@ class CameraCovariance:
         return C
 
 
-def gauge_directions(model: CameraModel[Any], cameras: OrthographicCameras) -> Float:
+def gauge_directions(model: PoseModel[Any], cameras: OrthographicCameras) -> Float:
     """Orthonormal null space (n, 6) of the reduced system: world rotations and shifts.
 
     Parameters
     ----------
-    model : its first parameters are those of `BundleModel`; any others do not matter at zero
+    cameras : the poses among its parameters
 
     """
     M = len(cameras)
@@ -148,16 +147,12 @@ def information_weight(state: Eliminated[Any], precision: Float) -> Float:
 
 
 def estimate_covariance(
-    model: CameraModel[Any],
+    model: PoseModel[Any],
     state: Eliminated[Any],
     observations: Observations,
     sigma_px: float,
 ) -> Solution[Covariance]:
     """Error bars of a converged bundle adjustment.
-
-    Parameters
-    ----------
-    model : `BundleModel`, or with cameras as the first of its parameters `ScanDriftModel`
 
     Shared parameters (aspect, skew) are included in the cameras' covariance; their coupling to a
     point is counted once an observation, which is exact.
@@ -168,7 +163,7 @@ def estimate_covariance(
     system = ReducedSystem.of(model, state.params, observations, pointer)
     S, _ = linearise(model, replace(state, weight=w), observations, pointer, sigma_px, system)
     w = w * precision
-    cameras = state.params if isinstance(model, BundleModel) else state.params[0]
+    cameras = model.poses(state.params)
     N = gauge_directions(model, cameras)
     pairs, param_idx = system.pairs, model.param_idx
     hold_world(S, N, np.asarray(cameras.viewing_direction), pairs, param_idx)

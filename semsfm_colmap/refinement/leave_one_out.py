@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from semsfm_colmap.geometry.alignment import align_rotations
-from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.geometry.rotations import rotation_angle
-from semsfm_colmap.geometry.subset import keep_tracks
+from semsfm_colmap.geometry.subset import take_subset
+from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import bundle_adjust
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
 
@@ -37,12 +37,7 @@ class LeaveOneOut:
 def leave_one_out(
     cameras: OrthographicCameras,
     observations: Observations,
-    *,
-    camera_model: str,
-    scale_sigma: float,
-    affine_sigma: float,
-    sigma_px: float,
-    solver: SolverOptions | None = None,
+    settings: BundleSettings,
 ) -> LeaveOneOut | None:
     """Refit without each of some images; None with fewer than four images."""
     M = len(cameras)
@@ -50,32 +45,20 @@ def leave_one_out(
         return None
     chosen = np.unique(np.linspace(0, M - 1, min(MAX_FITS, M)).round().astype(np.int64))
     start = cameras
-    changes = []
+    left_out, changes = [], []
     # the first fit, with all images, is what the others are compared with
     for k in (None, *chosen):
-        number = np.arange(M)
-        if k is not None:
-            number[k], number[k + 1 :] = -1, number[k + 1 :] - 1
-        rest = np.flatnonzero(number >= 0)
-        local, _ = keep_tracks(
-            observations, np.ones(len(observations), bool), min_length=2, image_number=number
-        )
+        rest = np.arange(M) if k is None else np.delete(np.arange(M), k)
+        local = take_subset(observations, images=rest, min_length=2).observations
         if len(np.unique(local.image_idx)) < len(rest):
             continue
-        fit = bundle_adjust(
-            start.select(rest),
-            local,
-            camera_model=camera_model,
-            scale_sigma=scale_sigma,
-            affine_sigma=affine_sigma,
-            sigma_px=sigma_px,
-            solver=solver,
-        )
+        fit = bundle_adjust(start.select(rest), local, settings)
         assert fit.value is not None
         if k is None:
-            start = fit.value[0]
+            start = fit.value.cameras
             continue
-        R = np.asarray(fit.value[0].cam_from_world)
+        left_out.append(k)
+        R = np.asarray(fit.value.cameras.cam_from_world)
         before = np.asarray(start.cam_from_world)[rest]
         Q = align_rotations(R, before)
         angle = rotation_angle(R @ Q @ before.transpose(0, 2, 1))
@@ -84,7 +67,7 @@ def leave_one_out(
         return None
     d = np.array(changes)
     return LeaveOneOut(
-        images=chosen[: len(d)],
+        images=np.array(left_out, dtype=np.int64),
         change_deg=d,
         jackknife_deg=float(np.sqrt((M - 1) * np.mean(d**2))),
     )

@@ -14,15 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.geometry.eliminated import Eliminated, SolverOptions
 from semsfm_colmap.geometry.points import residuals
 from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.geometry.subset import keep_tracks, thin_evenly
+from semsfm_colmap.records import Rung
+from semsfm_colmap.refinement.adjustment import Adjustment, BundleSettings
 from semsfm_colmap.refinement.bundle import bundle_adjust
+from semsfm_colmap.refinement.options import CameraModelName
 from semsfm_colmap.refinement.scan_drift import adjust_with_drift
 from semsfm_colmap.types import Bool, Float, Observations, OrthographicCameras
 
-LADDER = (
+LADDER: tuple[tuple[str, CameraModelName, float | None], ...] = (
     ("orthographic", "orthographic", 0.0),
     ("scaled, prior", "scaled_orthographic", None),
     ("scaled, free", "scaled_orthographic", 0.1),
@@ -46,19 +48,6 @@ MIN_DISAGREEMENT = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rung:
-    """One fitted model."""
-
-    name: str
-    range_deg: float
-    """largest rotation between two images"""
-    bic: float
-    held_out_px: float
-    """root median square residual per coordinate at observations the fit has not seen"""
-    num_parameters: int
-
-
-@dataclass(frozen=True, kw_only=True)
 class ModelComparison:
     """The ladder, and whether it matters which rung one stands on."""
 
@@ -67,6 +56,8 @@ class ModelComparison:
     """name of the rung with the smallest BIC"""
     depth_uncertainty: float
     """relative spread of the total rotation over the rungs that the data do not rule out"""
+    disagree: bool
+    """True when that spread is more than their error bars"""
     message: str
     drift_px: Float | None = None
     """(M, 2) displacement of the last row against the first one, under the rung with drift"""
@@ -111,14 +102,10 @@ def held_out_mask(observations: Observations) -> Bool:
 def compare_models(
     cameras: OrthographicCameras,
     observations: Observations,
+    settings: BundleSettings,
     *,
-    scale_sigma: float,
-    affine_sigma: float,
-    sigma_px: float,
     range_sigma_rad: float = 0.0,
     height_px: Float | None = None,
-    drift_sigma_px: float = 0.5,
-    solver: SolverOptions | None = None,
 ) -> ModelComparison:
     """Fit every rung of the ladder and compare.
 
@@ -126,6 +113,7 @@ def compare_models(
     ----------
     cameras : a converged fit, about 1 px per unit
     observations : inliers, sorted by track
+    settings : priors, noise and search; each rung has a camera model of its own
     range_sigma_rad : error bar of the total rotation under the chosen model
     height_px : (M,) heights of the images; without them drift within the frames is not tried
 
@@ -134,12 +122,13 @@ def compare_models(
     out = held_out_mask(obs)
     kept, held = obs.select(~out), obs.select(out)
 
-    def rung(name: str, fitted: OrthographicCameras, end: Eliminated[Any], model: Any) -> Rung:
+    def rung(name: str, fit: Adjustment[Any]) -> Rung:
+        end, model = fit.state, fit.model
         A, t = model.cameras(end.params)
         r = residuals(A, t, end.X, held.image_idx, held.track_idx, held.xy)
         return Rung(
             name=name,
-            range_deg=float(np.rad2deg(total_rotation(np.asarray(fitted.cam_from_world)))),
+            range_deg=float(np.rad2deg(total_rotation(np.asarray(fit.cameras.cam_from_world)))),
             bic=float(end.cost + model.num_params * np.log(2 * len(kept))),
             held_out_px=float(np.sqrt(np.median(r**2))) if len(held) else float("nan"),
             num_parameters=model.num_params,
@@ -150,33 +139,18 @@ def compare_models(
         start = cameras
         if model == "orthographic":
             start = replace(cameras, scale_px_per_unit=np.ones(len(cameras)), aspect=1.0, skew=0.0)
+        scale_sigma = settings.scale_sigma if sigma is None else sigma
         fit = bundle_adjust(
-            start,
-            kept,
-            camera_model=model,
-            scale_sigma=scale_sigma if sigma is None else sigma,
-            affine_sigma=affine_sigma,
-            sigma_px=sigma_px,
-            solver=solver,
+            start, kept, replace(settings, camera_model=model, scale_sigma=scale_sigma)
         )
         assert fit.value is not None
-        rungs.append(rung(name, fit.value[0], fit.diagnostics["state"], fit.diagnostics["model"]))
+        rungs.append(rung(name, fit.value))
     drift = None
     if height_px is not None:
-        drifting = adjust_with_drift(
-            cameras,
-            kept,
-            height_px,
-            drift_sigma_px=drift_sigma_px,
-            scale_sigma=scale_sigma,
-            sigma_px=sigma_px,
-            solver=solver,
-        )
+        drifting = adjust_with_drift(cameras, kept, height_px, settings)
         assert drifting.value is not None
-        fitted, drift = drifting.value
-        rungs.append(
-            rung(DRIFT_RUNG, fitted, drifting.diagnostics["state"], drifting.diagnostics["model"])
-        )
+        drift = drifting.value.state.params[1]
+        rungs.append(rung(DRIFT_RUNG, drifting.value))
     return replace(judge(tuple(rungs), np.rad2deg(range_sigma_rad)), drift_px=drift)
 
 
@@ -192,11 +166,18 @@ def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:
         MIN_DISAGREEMENT, DISAGREEMENT_SIGMAS * range_sigma_deg / max(float(np.mean(ranges)), 1e-12)
     )
     listed = ", ".join(f"{r.name} {r.range_deg:.2f}" for r in alive)
-    if spread > limit:
+    disagree = spread > limit
+    if disagree:
         message = (
             f"the camera models that fit disagree on the total rotation ({listed} deg): depth is "
             f"uncertain by {100 * spread:.0f} %; a larger tilt or a known angle would settle it"
         )
     else:
         message = f"the camera models agree on the total rotation to {100 * spread:.1f} %"
-    return ModelComparison(rungs=rungs, best=best.name, depth_uncertainty=spread, message=message)
+    return ModelComparison(
+        rungs=rungs,
+        best=best.name,
+        depth_uncertainty=spread,
+        disagree=disagree,
+        message=message,
+    )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+CameraModelName = Literal["orthographic", "scaled_orthographic", "affine"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class RefinementOptions:
@@ -28,7 +30,7 @@ class RefinementOptions:
     in the last round: an image of another size or specimen agrees with some points by chance."""
     min_triangulation_angle_deg: float = 1.0
     """Points whose rays all lie within this angle have no reliable depth and are left out."""
-    camera_model: Literal["orthographic", "scaled_orthographic", "affine"] = "scaled_orthographic"
+    camera_model: CameraModelName = "scaled_orthographic"
     """orthographic: one magnification; scaled: one an image; affine: also aspect and skew."""
     scale_sigma: float = 0.001
     """Prior: relative standard deviation of the magnification between images; SEMs have 0.0005 to

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import nearest_rotation
+from semsfm_colmap.geometry.subset import new_numbers
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.types import Bool, Float, Int, Observations, OrthographicCameras, Solution
 
@@ -100,8 +101,7 @@ def register_more(
     tracks, points : (N,) numbers in `observations`, (N, 3)
 
     """
-    position = np.full(observations.num_tracks, -1, dtype=np.int64)
-    position[tracks] = np.arange(len(tracks))
+    position = new_numbers(tracks, observations.num_tracks)
     order = list(images)
     parts = [cameras]
     for i in np.setdiff1d(np.unique(observations.image_idx), images):

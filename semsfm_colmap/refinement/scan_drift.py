@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from semsfm_colmap.geometry.eliminated import SolverOptions, minimise
-from semsfm_colmap.refinement.bundle import BundleModel
+from semsfm_colmap.refinement.adjustment import Adjustment, BundleSettings, PoseModel
+from semsfm_colmap.refinement.bundle import BundleModel, adjust
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Solution
 
 DriftParams = tuple[OrthographicCameras, Float]
@@ -32,7 +32,7 @@ DriftParams = tuple[OrthographicCameras, Float]
 class ScanDriftModel:
     """`CameraModel` of the orthographic ladder with a drift in each frame."""
 
-    base: BundleModel
+    base: PoseModel[OrthographicCameras]
     sigma_px: float
     middle_row_px: Float
     """(M,)"""
@@ -40,7 +40,9 @@ class ScanDriftModel:
     """(M,)"""
 
     @staticmethod
-    def build(base: BundleModel, sigma_px: float, height_px: Float) -> ScanDriftModel:
+    def build(
+        base: PoseModel[OrthographicCameras], sigma_px: float, height_px: Float
+    ) -> ScanDriftModel:
         """Drift about the middle row of each image, its height (M,) px."""
         height = np.asarray(height_px, dtype=np.float64)
         return ScanDriftModel(
@@ -58,6 +60,10 @@ class ScanDriftModel:
     def num_params(self) -> int:
         """Two more an image than the base has."""
         return self.base.num_params + 2 * len(self.height_px)
+
+    def poses(self, params: DriftParams) -> OrthographicCameras:
+        """The cameras without their drift."""
+        return params[0]
 
     def shear(self, drift: Float) -> Float:
         """D: (M, 2) -> (M, 2, 2)."""
@@ -119,12 +125,8 @@ def adjust_with_drift(
     cameras: OrthographicCameras,
     observations: Observations,
     height_px: Float,
-    *,
-    drift_sigma_px: float,
-    scale_sigma: float,
-    sigma_px: float,
-    solver: SolverOptions | None = None,
-) -> Solution[tuple[OrthographicCameras, Float]]:
+    settings: BundleSettings,
+) -> Solution[Adjustment[DriftParams]]:
     """Scaled orthographic bundle adjustment with a drift in each frame.
 
     Parameters
@@ -132,26 +134,12 @@ def adjust_with_drift(
     cameras : magnifications near 1 px per unit
     observations : sorted by track
     height_px : (M,) heights of the images
-    drift_sigma_px : prior of a and b, px over the height of the frame
-
-    Returns
-    -------
-    Solution of (cameras, drift (M, 2)); ``diagnostics`` holds the final state and the model
+    settings : its camera model does not count: magnifications are free, aspect and skew are not
 
     """
     M = len(cameras)
     base = BundleModel.build(
-        M, free_scale=True, free_affine=False, scale_sigma=scale_sigma, affine_sigma=1.0
+        M, free_scale=True, free_affine=False, scale_sigma=settings.scale_sigma, affine_sigma=1.0
     )
-    model = ScanDriftModel.build(base, drift_sigma_px, height_px)
-    end = minimise(
-        model, (cameras, np.zeros((M, 2))), observations, sigma_px=sigma_px, options=solver
-    )
-    return Solution(
-        value=end.params,
-        status="ok" if end.converged else "iteration_limit",
-        message="" if end.converged else "bundle adjustment stopped before it converged",
-        iterations=end.iterations,
-        costs=end.costs,
-        diagnostics={"state": end, "model": model},
-    )
+    model = ScanDriftModel.build(base, settings.drift_sigma_px, height_px)
+    return adjust(model, (cameras, np.zeros((M, 2))), observations, settings)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from semsfm_colmap.report.frames import Frames, order_frames
+from semsfm_colmap.report.image_statistics import PoseMetrics
 from semsfm_colmap.report.inputs import ReportInputs
+from semsfm_colmap.report.match_statistics import FrameMatches
+from semsfm_colmap.report.metrics import Metrics
 from semsfm_colmap.types import Float
 
 if TYPE_CHECKING:
@@ -26,22 +30,24 @@ class FigureData:
     """What a figure is drawn from."""
 
     inputs: ReportInputs
-    metrics: dict[str, Any]
+    metrics: Metrics
     frames: Frames
     residual: Float
     """(O, 2) px"""
 
-    def column(self, key: str) -> Float:
-        """(M,) a column of the table of images, for the registered ones; nan for None."""
-        rows = [row for row in self.metrics["per_image"] if row["registered"]]
-        return np.array([row.get(key) for row in rows], dtype=np.float64)
+    def of_poses(self, value: Callable[[PoseMetrics], float | None]) -> Float:
+        """(M,) a value of each registered image; nan for None."""
+        poses = [image.pose for image in self.metrics.per_image if image.pose is not None]
+        return np.array([value(pose) for pose in poses], dtype=np.float64)
 
-    def all_frames(self, key: str) -> Float:
-        """(F,) the same for every image given."""
-        return np.array([row.get(key) for row in self.metrics["per_image"]], dtype=np.float64)
+    def of_matches(self, value: Callable[[FrameMatches], int | None]) -> Float:
+        """(F,) a value of every image given; nan for None."""
+        return np.array(
+            [value(image.matches) for image in self.metrics.per_image], dtype=np.float64
+        )
 
 
-def gather(inputs: ReportInputs, metrics: dict[str, Any]) -> FigureData:
+def gather(inputs: ReportInputs, metrics: Metrics) -> FigureData:
     """Compute once what several figures use."""
     return FigureData(
         inputs=inputs,

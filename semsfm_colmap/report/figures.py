@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from semsfm_colmap.report import (
     figures_frames,
@@ -16,6 +16,7 @@ from semsfm_colmap.report import (
 )
 from semsfm_colmap.report.figure_style import FigureData, gather
 from semsfm_colmap.report.inputs import ReportInputs
+from semsfm_colmap.report.metrics import Metrics
 from semsfm_colmap.report.options import ReportOptions
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ FIGURES = (
 
 
 def draw_figures(
-    inputs: ReportInputs, metrics: dict[str, Any], options: ReportOptions | None = None
+    inputs: ReportInputs, metrics: Metrics, options: ReportOptions | None = None
 ) -> tuple[DrawnFigure, ...]:
     """Draw all figures in the order of `FIGURES`."""
     dpi = (options or ReportOptions()).figure_dpi

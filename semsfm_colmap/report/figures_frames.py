@@ -76,13 +76,16 @@ def matches_per_frame(data: FigureData) -> Figure | str:
     x = np.arange(1.0, num + 1.0)
     figure = new_figure(8.0, 4.6)
     top, bottom = figure.subplots(2, 1, sharex=True)
-    for axes, suffix, title in (
-        (top, "_to_next", "to the next frame"),
-        (bottom, "", "over all pairs of the frame"),
-    ):
-        _bars(axes, x, data.all_frames(f"num_matches{suffix}"), LIGHT, "found")
-        _bars(axes, x, data.all_frames(f"num_verified_matches{suffix}"), BLUE, "verified")
-        dress(axes, ylabel="matches", title=title)
+    found = data.of_matches(lambda matches: matches.num_matches_to_next)
+    verified = data.of_matches(lambda matches: matches.num_verified_matches_to_next)
+    _bars(top, x, found, LIGHT, "found")
+    _bars(top, x, verified, BLUE, "verified")
+    dress(top, ylabel="matches", title="to the next frame")
+    found = data.of_matches(lambda matches: matches.num_matches)
+    verified = data.of_matches(lambda matches: matches.num_verified_matches)
+    _bars(bottom, x, found, LIGHT, "found")
+    _bars(bottom, x, verified, BLUE, "verified")
+    dress(bottom, ylabel="matches", title="over all pairs of the frame")
     _legend(top)
     frame_axis(bottom, num)
     return figure
@@ -90,18 +93,20 @@ def matches_per_frame(data: FigureData) -> Figure | str:
 
 def observations_per_frame(data: FigureData) -> Figure | str:
     """Kept and rejected observations of each frame, and the RMS of the kept ones."""
-    if data.metrics["structure"]["num_observations"] == 0:
+    if data.metrics.structure.num_observations == 0:
         return "there are no kept observations"
     num, x = len(data.frames.names), data.frames.numbers.astype(float)
-    kept, dropped = data.column("num_observations"), data.column("num_rejected_observations")
+    kept = data.of_poses(lambda pose: pose.num_observations)
+    dropped = data.of_poses(lambda pose: pose.num_rejected_observations)
+    rms = data.of_poses(lambda pose: pose.rms_px)
     figure = new_figure(8.0, 4.6)
     top, bottom = figure.subplots(2, 1, sharex=True)
     _bars(top, x, kept + dropped, LIGHT, "rejected")
     _bars(top, x, kept, BLUE, "kept")
     dress(top, ylabel="observations", title="points seen in the frame")
     _legend(top)
-    _curve(data, bottom, data.column("rms_px"), np.full(len(x), np.nan))
-    bottom.set_ylim(0.0, _top(data.column("rms_px")))
+    _curve(data, bottom, rms, np.full(len(x), np.nan))
+    bottom.set_ylim(0.0, _top(rms))
     dress(bottom, ylabel="RMS [px]", title="residual per coordinate")
     frame_axis(bottom, num)
     return figure
@@ -109,21 +114,23 @@ def observations_per_frame(data: FigureData) -> Figure | str:
 
 def rotation_per_frame(data: FigureData) -> Figure | str:
     """Angle about the fitted axis, the step from the frame before, and the wobble."""
-    if data.metrics["rotation"]["axis_camera"] is None:
+    if data.metrics.rotation is None:
         return "fewer than two images are registered, or nothing rotates"
-    angle, sigma = data.column("angle_deg"), data.column("sigma_angle_deg")
+    angle = data.of_poses(lambda pose: pose.angle_deg)
+    sigma = data.of_poses(lambda pose: pose.sigma_angle_deg)
+    wobble = data.of_poses(lambda pose: pose.wobble_deg)
     figure = new_figure(8.0, 6.2)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(1.6, 1.0, 1.0))
     _curve(data, top, angle, sigma)
     known = " (red: 1 σ)" if np.isfinite(sigma).any() else ""
     dress(top, ylabel="angle [°]", title=f"rotation relative to the first frame{known}")
-    step = data.column("step_deg")
+    step = data.of_poses(lambda pose: pose.step_deg)
     step_sigma = np.hypot(sigma, np.concatenate([[np.nan], sigma[:-1]]))
     _curve(data, middle, step, step_sigma)
     middle.axhline(float(np.nanmedian(step)), color=GREY, linewidth=0.8, linestyle="--")
     dress(middle, ylabel="step [°]", title="step from the frame before (dashed: median)")
-    _curve(data, bottom, data.column("wobble_deg"), np.full(len(angle), np.nan))
-    bottom.set_ylim(0.0, _top(data.column("wobble_deg")))
+    _curve(data, bottom, wobble, np.full(len(angle), np.nan))
+    bottom.set_ylim(0.0, _top(wobble))
     dress(
         bottom, ylabel="wobble [°]", title="tilt of the axis in this frame against the fitted one"
     )
@@ -135,8 +142,8 @@ def scale_per_frame(data: FigureData) -> Figure | str:
     """Magnification relative to the median, in percent."""
     if len(data.frames.numbers) < 2:
         return "fewer than two images are registered"
-    percent = 100.0 * (data.column("relative_scale") - 1.0)
-    sigma = 100.0 * data.column("sigma_relative_scale")
+    percent = 100.0 * (data.of_poses(lambda pose: pose.relative_scale) - 1.0)
+    sigma = 100.0 * data.of_poses(lambda pose: pose.sigma_relative_scale)
     figure = new_figure(8.0, 2.8)
     axes = figure.subplots()
     _curve(data, axes, percent, sigma)

@@ -19,7 +19,7 @@ def track_lengths(data: FigureData) -> Figure | str:
     """How many points are seen in how many images."""
     from matplotlib.ticker import MaxNLocator
 
-    counts = np.array(data.metrics["structure"]["track_length_counts"])
+    counts = np.array(data.metrics.structure.track_length_counts)
     length = np.flatnonzero(counts)
     length = length[length > 0]
     if len(length) == 0:
@@ -38,15 +38,15 @@ def track_lengths(data: FigureData) -> Figure | str:
 
 def stage_times(data: FigureData) -> Figure | str:
     """Seconds of each stage, in the order they ran."""
-    stages = data.metrics["stages"]
+    stages = data.metrics.stages
     if not stages:
         return "no stage times were given"
-    seconds = np.array([stage["seconds"] for stage in stages], dtype=np.float64)
+    seconds = np.array([stage.seconds for stage in stages], dtype=np.float64)
     figure = new_figure(5.4, 1.0 + 0.3 * len(stages))
     axes = figure.subplots()
     y = np.arange(len(stages))
     axes.barh(y, seconds, height=0.7, color=BLUE)
-    axes.set_yticks(y, [str(stage["name"]).replace("$", r"\$") for stage in stages])
+    axes.set_yticks(y, [stage.name.replace("$", r"\$") for stage in stages])
     axes.invert_yaxis()
     axes.set_xlim(0.0, 1.25 * max(float(seconds.max()), 1e-3))
     for row, value in enumerate(seconds):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from semsfm_colmap.report.figure_style import BLUE, GREY, RED, FigureData, dress, new_figure
-from semsfm_colmap.report.verdict import fixed
+from semsfm_colmap.report.number_text import fixed
 from semsfm_colmap.types import Float
 
 if TYPE_CHECKING:
@@ -40,21 +40,19 @@ def _histogram(axes: Axes, r: Float, mean: float, sigma: float, half: float) -> 
 def residual_histograms(data: FigureData) -> Figure | str:
     """Histograms of the residuals in x and y with the Gaussian of the same mean and spread."""
     kept = data.residual[data.inputs.reconstruction.inlier]
-    if len(kept) == 0:
+    stats = data.metrics.residuals
+    if stats is None:
         return "there are no kept observations"
-    stats, nm = data.metrics["residuals"], data.metrics["world"]["pixel_size_nm"]
-    sigma = max(stats["sigma_x_px"], stats["sigma_y_px"])
+    sigma = max(stats.x.sigma_px, stats.y.sigma_px)
     half = max(HALF_RANGE_SIGMAS * sigma, float(np.percentile(np.abs(kept), 99)), 1e-6)
     figure = new_figure(8.0, 3.2)
     panels = figure.subplots(1, 2, sharey=True)
-    for axis, axes in enumerate(panels):
+    for axis, (axes, r) in enumerate(zip(panels, (stats.x, stats.y), strict=True)):
         letter = "xy"[axis]
-        mu, sd = stats[f"mean_{letter}_px"], stats[f"sigma_{letter}_px"]
-        title = f"{letter}:  μ = {fixed(mu, 2)} px,  σ = {sd:.2f} px"
-        if nm is not None:
-            mu_nm, sd_nm = stats[f"mean_{letter}_nm"], stats[f"sigma_{letter}_nm"]
-            title += f"\n     μ = {fixed(mu_nm, 1)} nm,  σ = {sd_nm:.1f} nm"
-        _histogram(axes, kept[:, axis], mu, sd, half)
+        title = f"{letter}:  μ = {fixed(r.mean_px, 2)} px,  σ = {r.sigma_px:.2f} px"
+        if r.mean_nm is not None and r.sigma_nm is not None:
+            title += f"\n     μ = {fixed(r.mean_nm, 1)} nm,  σ = {r.sigma_nm:.1f} nm"
+        _histogram(axes, kept[:, axis], r.mean_px, r.sigma_px, half)
         dress(axes, xlabel=f"residual in {letter} [px]", title=title)
     panels[0].set_ylabel("observations per bin", fontsize=9)
     return figure

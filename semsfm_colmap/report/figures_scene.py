@@ -14,6 +14,7 @@ from semsfm_colmap.report.camera_frames import (
     labelled_frames,
 )
 from semsfm_colmap.report.figure_style import GREY, FigureData, dress, new_figure
+from semsfm_colmap.report.number_text import unit_text
 from semsfm_colmap.report.thinning import even_subset
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def scene_picture(data: FigureData) -> Figure | str:
             str(frames.numbers[k]), outlines[k, 2, :2], xytext=(0, 2), textcoords="offset points",
             ha="center", va="bottom", fontsize=8, color=GREY, zorder=4,
         )  # fmt: skip
-    unit = {"um": "µm"}.get(rec.world_unit, rec.world_unit)
+    unit = unit_text(rec.world_unit)
     axes.autoscale_view()
     axes.margins(0.06)
     axes.set_aspect("equal")

@@ -80,7 +80,7 @@ def co_visibility_matrix(data: FigureData) -> Figure | str:
     """Tracks shared by each two frames, on a logarithmic scale; those that share none are white."""
     from matplotlib.colors import LogNorm
 
-    shared = np.array(data.metrics["co_visibility"]["num_shared_tracks"])
+    shared = data.metrics.co_visibility.num_shared_tracks
     if shared.size == 0 or shared.max() < 1:
         return "there are no kept observations"
     num, at = len(data.frames.names), data.frames.registered

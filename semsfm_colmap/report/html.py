@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib import resources
-from typing import Any
 
 from semsfm_colmap.report.figures import DrawnFigure
 from semsfm_colmap.report.html_parts import bullets, hint, image, script_json, section, text
@@ -22,6 +21,7 @@ from semsfm_colmap.report.html_tables import (
     summary,
 )
 from semsfm_colmap.report.inputs import ReportInputs
+from semsfm_colmap.report.metrics import Metrics
 from semsfm_colmap.report.options import ReportOptions
 from semsfm_colmap.report.scene import Scene, build_scene
 from semsfm_colmap.report.verdict import judge
@@ -47,15 +47,15 @@ def _asset(name: str) -> str:
     return resources.files("semsfm_colmap.report").joinpath("assets", name).read_text("utf-8")
 
 
-def _verdict(metrics: dict[str, Any]) -> str:
+def _verdict(metrics: Metrics) -> str:
     verdict = judge(metrics)
     body = bullets(verdict.facts)
     if verdict.doubts:
         body += f'<div class="doubts"><h3>What to doubt</h3>{bullets(verdict.doubts)}</div>'
     else:
         body += "<h3>What to doubt</h3>" + bullets(["The checks of the report found nothing."])
-    if metrics["notes"]:
-        body += f"<h3>Notes from the run</h3>{bullets(metrics['notes'])}"
+    if metrics.notes:
+        body += f"<h3>Notes from the run</h3>{bullets(metrics.notes)}"
     kind = "verdict doubtful" if verdict.doubts else "verdict"
     return section("Verdict", body + hint(CAVEATS), anchor="verdict", kind=kind)
 
@@ -65,9 +65,9 @@ def _scene(scene: Scene | None, picture: DrawnFigure | None) -> str:
         body = hint("There is nothing to show: no points, no mesh.")
         return section("Scene", body, anchor="scene-section")
     boxes = "".join(
-        f'<label><input type="checkbox" data-switch="{k}"{" checked" if s["on"] else ""}> '
-        f"{text(s['label'])}</label>"
-        for k, s in enumerate(scene.switches)
+        f'<label><input type="checkbox" data-switch="{k}"{" checked" if switch.on else ""}> '
+        f"{text(switch.label)}</label>"
+        for k, switch in enumerate(scene.switches)
     )
     buttons = "".join(
         f'<button type="button" data-view="{text(view)}">{text(view)}</button>'
@@ -98,7 +98,7 @@ def _figures(figures: Sequence[DrawnFigure]) -> str:
 
 def render_page(
     inputs: ReportInputs,
-    metrics: dict[str, Any],
+    metrics: Metrics,
     figures: Sequence[DrawnFigure],
     options: ReportOptions | None = None,
 ) -> str:

@@ -2,11 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from semsfm_colmap.types import Float, TriangleMesh
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoundingBox:
+    """Along the world axes, of the vertices that faces use."""
+
+    min_world: tuple[float, ...]
+    max_world: tuple[float, ...]
+    size_world: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshMetrics:
+    """Counts, area and box of a mesh."""
+
+    num_vertices: int
+    num_faces: int
+    num_components: int
+    """pieces that share no vertex"""
+    num_open_edges: int
+    """edges of one face only; a closed surface has none"""
+    area_world2: float
+    largest_component_area_fraction: float | None
+    """None when the faces have no area"""
+    bounding_box: BoundingBox | None
+    """None without a face"""
 
 
 def face_areas(mesh: TriangleMesh) -> Float:
@@ -16,7 +42,7 @@ def face_areas(mesh: TriangleMesh) -> Float:
     return np.asarray(0.5 * np.linalg.norm(normal, axis=1))
 
 
-def mesh_statistics(mesh: TriangleMesh) -> dict[str, Any]:
+def mesh_statistics(mesh: TriangleMesh) -> MeshMetrics:
     """Counts, components, open edges, area and bounding box of the vertices that faces use.
 
     A component is a set of faces joined through shared vertices. An edge is open when only one
@@ -25,9 +51,16 @@ def mesh_statistics(mesh: TriangleMesh) -> dict[str, Any]:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    out: dict[str, Any] = {"num_vertices": len(mesh.vertices), "num_faces": len(mesh.faces)}
     if len(mesh.faces) == 0:
-        return out | {"num_components": 0, "num_open_edges": 0, "area_world2": 0.0}
+        return MeshMetrics(
+            num_vertices=len(mesh.vertices),
+            num_faces=0,
+            num_components=0,
+            num_open_edges=0,
+            area_world2=0.0,
+            largest_component_area_fraction=None,
+            bounding_box=None,
+        )
     faces = np.asarray(mesh.faces, dtype=np.int64)
     num_vertices = len(mesh.vertices)
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
@@ -41,14 +74,19 @@ def mesh_statistics(mesh: TriangleMesh) -> dict[str, Any]:
     _, edge_count = np.unique(edges[:, 0] * num_vertices + edges[:, 1], return_counts=True)
     used = mesh.vertices[np.unique(faces)]
     low, high = used.min(axis=0), used.max(axis=0)
-    return out | {
-        "num_components": len(np.unique(label[faces[:, 0]])),
-        "largest_component_area_fraction": float(area_of_component.max() / area.sum())
-        if area.sum() > 0.0
+    total = float(area.sum())
+    return MeshMetrics(
+        num_vertices=num_vertices,
+        num_faces=len(faces),
+        num_components=len(np.unique(label[faces[:, 0]])),
+        num_open_edges=int(np.sum(edge_count == 1)),
+        area_world2=total,
+        largest_component_area_fraction=float(area_of_component.max() / total)
+        if total > 0.0
         else None,
-        "num_open_edges": int(np.sum(edge_count == 1)),
-        "area_world2": float(area.sum()),
-        "bounding_box_min_world": low.tolist(),
-        "bounding_box_max_world": high.tolist(),
-        "bounding_box_size_world": (high - low).tolist(),
-    }
+        bounding_box=BoundingBox(
+            min_world=tuple(low.tolist()),
+            max_world=tuple(high.tolist()),
+            size_world=tuple((high - low).tolist()),
+        ),
+    )

@@ -2,23 +2,78 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import rotation_angle
-from semsfm_colmap.motion.axis import RotationSeries, fit_rotation_series
+from semsfm_colmap.motion.axis import AxisRotation, fit_axis
+from semsfm_colmap.motion.check import tilt_line
+from semsfm_colmap.records import TiltAgreement
 from semsfm_colmap.report.frames import Frames
 from semsfm_colmap.report.inputs import ReportInputs
 from semsfm_colmap.types import Float
 
-MIN_TILTS = 3
-"""A line through fewer points says nothing about their scatter."""
-MIN_TILT_RANGE_DEG = 1.0
-"""A stage reads its tilt to about 0.1 degrees: below this a slope means nothing."""
+
+@dataclass(frozen=True, kw_only=True)
+class ClosureMetrics:
+    """The step that closes the turn, against the others."""
+
+    is_full_turn: bool
+    last_to_first_deg: float
+    """about the axis"""
+    last_to_first_rotation_deg: float
+    """whole angle of the same rotation"""
+    median_step_deg: float
+    closing_minus_median_step_deg: float | None
+    """None unless the turn is full"""
 
 
-def _closure(series: RotationSeries, R: Float) -> dict[str, Any]:
+@dataclass(frozen=True, kw_only=True)
+class StageTiltMetrics:
+    """The line through the angles against the recorded tilts."""
+
+    slope: float
+    rms_deg: float
+    num_images: int
+    agrees: bool | None
+    """the judgement of mapping; None where it did not compare them"""
+    tolerance: float | None
+    """how far from 1 the slope may lie by that judgement"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RotationMetrics:
+    """The motion as a rotation about one axis."""
+
+    axis_camera: tuple[float, ...]
+    axis_world: tuple[float, ...]
+    axis_in_image_deg: float
+    axis_out_of_image_deg: float
+    wobble_rms_deg: float
+    wobble_max_deg: float
+    range_deg: float
+    median_step_deg: float
+    min_step_deg: float
+    max_step_deg: float
+    closure: ClosureMetrics
+    stage_tilt: StageTiltMetrics | None
+    """None where too few tilts are recorded, or they do not differ"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionColumns:
+    """The motion of each registered image, (M,) in acquisition order; nan where not known."""
+
+    angle_deg: Float
+    sigma_angle_deg: Float
+    step_deg: Float
+    wobble_deg: Float
+    rotation_from_first_deg: Float
+    stage_tilt_deg: Float
+
+
+def _closure(series: AxisRotation, R: Float) -> ClosureMetrics:
     """The step that closes the turn, against the others.
 
     Poses relative to one frame always add up to a whole turn, so nothing fails to close; an
@@ -26,74 +81,86 @@ def _closure(series: RotationSeries, R: Float) -> dict[str, Any]:
     """
     step_deg = np.rad2deg(series.step_rad)
     closing = float(np.rad2deg(series.closing_step_rad))
-    return {
-        "is_full_turn": series.is_full_turn,
-        "last_to_first_deg": closing,
-        "last_to_first_rotation_deg": float(np.rad2deg(rotation_angle(R[0] @ R[-1].T))),
-        "median_step_deg": float(np.median(step_deg)),
-        "closing_minus_median_step_deg": closing - float(np.median(step_deg))
+    return ClosureMetrics(
+        is_full_turn=series.is_full_turn,
+        last_to_first_deg=closing,
+        last_to_first_rotation_deg=float(np.rad2deg(rotation_angle(R[0] @ R[-1].T))),
+        median_step_deg=float(np.median(step_deg)),
+        closing_minus_median_step_deg=closing - float(np.median(step_deg))
         if series.is_full_turn
         else None,
-    }
+    )
 
 
-def _against_stage_tilt(tilt_deg: Float, angle_deg: Float) -> dict[str, Any] | None:
-    """Fit ``angle = slope tilt + offset`` where the microscope recorded a tilt."""
-    known = np.isfinite(tilt_deg)
-    tilt, angle = tilt_deg[known], angle_deg[known]
-    if len(tilt) < MIN_TILTS or np.ptp(tilt) < MIN_TILT_RANGE_DEG:
+def _against_stage_tilt(
+    tilt_rad: Float, angle_rad: Float, judged: TiltAgreement | None
+) -> StageTiltMetrics | None:
+    """The line of the angles over the recorded tilts, and what mapping said of the two."""
+    known = np.isfinite(tilt_rad)
+    line = tilt_line(tilt_rad[known], angle_rad[known])
+    if line is None:
         return None
-    design = np.stack([tilt, np.ones_like(tilt)], axis=1)
-    (slope, offset), *_ = np.linalg.lstsq(design, angle, rcond=None)
-    rms = np.sqrt(np.mean((design @ (slope, offset) - angle) ** 2))
-    return {"slope": abs(float(slope)), "rms_deg": float(rms), "num_images": len(tilt)}
+    compared = judged is not None and judged.factor is not None
+    return StageTiltMetrics(
+        slope=abs(line.slope),
+        rms_deg=float(np.rad2deg(np.sqrt(np.mean(line.residual_rad**2)))),
+        num_images=int(known.sum()),
+        agrees=judged.consistent if judged is not None and compared else None,
+        tolerance=judged.tolerance if judged is not None and compared else None,
+    )
 
 
-def stage_tilt_deg(inputs: ReportInputs, frames: Frames) -> Float:
+def stage_tilt_rad(inputs: ReportInputs, frames: Frames) -> Float:
     """(M,) recorded tilt of the registered images, nan where there is none."""
     tilt = {frame.name: frame.metadata.tilt_rad for frame in inputs.series.frames}
     values = [tilt.get(frames.names[k]) for k in frames.registered]
-    return np.rad2deg(np.array([np.nan if v is None else v for v in values], dtype=np.float64))
+    return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
 
 
 def motion_statistics(
     inputs: ReportInputs, frames: Frames
-) -> tuple[dict[str, Any], dict[str, Float]]:
-    """The motion as a whole, and its columns (M,) for the table of images."""
+) -> tuple[RotationMetrics | None, MotionColumns]:
+    """The motion as a whole, and that of each image; no whole where nothing turns."""
     rec = inputs.reconstruction
     R = rec.cameras.cam_from_world[frames.image_idx]
-    tilt = stage_tilt_deg(inputs, frames)
+    tilt = stage_tilt_rad(inputs, frames)
     nothing = np.full(len(R), np.nan)
-    columns = {
-        "angle_deg": nothing,
-        "sigma_angle_deg": nothing,
-        "step_deg": nothing,
-        "wobble_deg": nothing,
-        "rotation_from_first_deg": np.rad2deg(rotation_angle(R @ R[0].T)) if len(R) else nothing,
-        "stage_tilt_deg": tilt,
-    }
-    series = fit_rotation_series(R)
+    from_first = np.rad2deg(rotation_angle(R @ R[0].T)) if len(R) else nothing
+    series = fit_axis(R)
     if series is None:
-        return {"axis_camera": None, "range_deg": 0.0, "closure": None, "stage_tilt": None}, columns
+        return None, MotionColumns(
+            angle_deg=nothing,
+            sigma_angle_deg=nothing,
+            step_deg=nothing,
+            wobble_deg=nothing,
+            rotation_from_first_deg=from_first,
+            stage_tilt_deg=np.rad2deg(tilt),
+        )
     axis, wobble = series.axis_camera, np.rad2deg(series.wobble_rad)
     step = np.rad2deg(series.step_rad)
-    columns["angle_deg"] = np.rad2deg(series.angle_rad)
-    columns["step_deg"] = np.concatenate([[np.nan], step])
-    columns["wobble_deg"] = wobble
+    sigma = nothing
     if rec.sigma_rotation_rad is not None:
-        sigma = np.linalg.norm(rec.sigma_rotation_rad[frames.image_idx] * axis, axis=1)
-        columns["sigma_angle_deg"] = np.rad2deg(sigma)
-    return {
-        "axis_camera": axis.tolist(),
-        "axis_world": series.axis_world.tolist(),
-        "axis_in_image_deg": float(np.rad2deg(np.arctan2(axis[1], axis[0]))),
-        "axis_out_of_image_deg": float(np.rad2deg(np.arcsin(np.clip(axis[2], -1.0, 1.0)))),
-        "wobble_rms_deg": float(np.sqrt(np.mean(wobble**2))),
-        "wobble_max_deg": float(wobble.max()),
-        "range_deg": float(np.rad2deg(series.range_rad)),
-        "median_step_deg": float(np.median(step)),
-        "min_step_deg": float(step.min()),
-        "max_step_deg": float(step.max()),
-        "closure": _closure(series, R),
-        "stage_tilt": _against_stage_tilt(tilt, columns["angle_deg"]),
-    }, columns
+        along = np.linalg.norm(rec.sigma_rotation_rad[frames.image_idx] * axis, axis=1)
+        sigma = np.rad2deg(along)
+    columns = MotionColumns(
+        angle_deg=np.rad2deg(series.angle_rad),
+        sigma_angle_deg=sigma,
+        step_deg=np.concatenate([[np.nan], step]),
+        wobble_deg=wobble,
+        rotation_from_first_deg=from_first,
+        stage_tilt_deg=np.rad2deg(tilt),
+    )
+    return RotationMetrics(
+        axis_camera=tuple(axis.tolist()),
+        axis_world=tuple(series.axis_world.tolist()),
+        axis_in_image_deg=float(np.rad2deg(np.arctan2(axis[1], axis[0]))),
+        axis_out_of_image_deg=float(np.rad2deg(np.arcsin(np.clip(axis[2], -1.0, 1.0)))),
+        wobble_rms_deg=float(np.sqrt(np.mean(wobble**2))),
+        wobble_max_deg=float(wobble.max()),
+        range_deg=float(np.rad2deg(series.range_rad)),
+        median_step_deg=float(np.median(step)),
+        min_step_deg=float(step.min()),
+        max_step_deg=float(step.max()),
+        closure=_closure(series, R),
+        stage_tilt=_against_stage_tilt(tilt, series.angle_rad, inputs.tilt),
+    ), columns

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +10,35 @@ from semsfm_colmap.types import Float, Reconstruction
 
 MAD_TO_SIGMA = 1.4826
 """Median absolute deviation to standard deviation of a Gaussian."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisResiduals:
+    """Residuals along one axis of the images."""
+
+    mean_px: float
+    sigma_px: float
+    robust_sigma_px: float
+    """from the median absolute deviation"""
+    mean_nm: float | None
+    sigma_nm: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualMetrics:
+    """Residuals of the kept observations; nm where the pixel size is known."""
+
+    num_residuals: int
+    x: AxisResiduals
+    y: AxisResiduals
+    rms_per_coordinate_px: float
+    rms_per_coordinate_nm: float | None
+    noise_sigma_px: float | None
+    """noise of one measured coordinate; None where the fit leaves no freedom"""
+    noise_sigma_nm: float | None
+    median_error_px: float
+    p95_error_px: float
+    max_error_px: float
 
 
 def noise_sigma(reconstruction: Reconstruction, residual: Float) -> float | None:
@@ -33,39 +62,42 @@ def noise_sigma(reconstruction: Reconstruction, residual: Float) -> float | None
     return float(np.sqrt(np.sum(residual[used] ** 2) / freedom))
 
 
+def _along_axis(r: Float, nm_per_px: float | None) -> AxisResiduals:
+    """Mean and spread of the residuals (O,) in one coordinate."""
+    mean, sigma = float(r.mean()), float(r.std())
+    return AxisResiduals(
+        mean_px=mean,
+        sigma_px=sigma,
+        robust_sigma_px=float(MAD_TO_SIGMA * np.median(np.abs(r - np.median(r)))),
+        mean_nm=None if nm_per_px is None else mean * nm_per_px,
+        sigma_nm=None if nm_per_px is None else sigma * nm_per_px,
+    )
+
+
 def residual_statistics(
     reconstruction: Reconstruction, residual: Float, pixel_size_nm: float | None
-) -> dict[str, Any]:
-    """Mean and spread per axis of the kept observations; nm when the pixel size is known.
+) -> ResidualMetrics | None:
+    """Mean and spread per axis of the kept observations; None without any.
 
-    `residual` (O, 2) is predicted minus measured in px, of all observations.
+    `residual` (O, 2) is predicted minus measured in px, of all observations. In y, a pixel is the
+    pixel size divided by the aspect.
     """
     kept = residual[reconstruction.inlier]
-    out: dict[str, Any] = {"num_residuals": len(kept)}
     if len(kept) == 0:
-        return out
+        return None
     error = np.linalg.norm(kept, axis=1)
-    nm_per_px = (
-        (None, None)
-        if pixel_size_nm is None
-        else (pixel_size_nm, pixel_size_nm / reconstruction.cameras.aspect)
-    )
-    for axis, nm in zip((0, 1), nm_per_px, strict=True):
-        letter, r = "xy"[axis], kept[:, axis]
-        mean, sigma = float(r.mean()), float(r.std())
-        out[f"mean_{letter}_px"] = mean
-        out[f"sigma_{letter}_px"] = sigma
-        out[f"robust_sigma_{letter}_px"] = float(MAD_TO_SIGMA * np.median(np.abs(r - np.median(r))))
-        out[f"mean_{letter}_nm"] = None if nm is None else mean * nm
-        out[f"sigma_{letter}_nm"] = None if nm is None else sigma * nm
+    nm = pixel_size_nm
     noise = noise_sigma(reconstruction, residual)
     rms = float(np.sqrt(np.mean(kept**2)))
-    return out | {
-        "rms_per_coordinate_px": rms,
-        "rms_per_coordinate_nm": None if pixel_size_nm is None else rms * pixel_size_nm,
-        "noise_sigma_px": noise,
-        "noise_sigma_nm": None if None in (noise, pixel_size_nm) else noise * pixel_size_nm,  # type: ignore[operator]
-        "median_error_px": float(np.median(error)),
-        "p95_error_px": float(np.percentile(error, 95)),
-        "max_error_px": float(error.max()),
-    }
+    return ResidualMetrics(
+        num_residuals=len(kept),
+        x=_along_axis(kept[:, 0], nm),
+        y=_along_axis(kept[:, 1], None if nm is None else nm / reconstruction.cameras.aspect),
+        rms_per_coordinate_px=rms,
+        rms_per_coordinate_nm=None if nm is None else rms * nm,
+        noise_sigma_px=noise,
+        noise_sigma_nm=None if noise is None or nm is None else noise * nm,
+        median_error_px=float(np.median(error)),
+        p95_error_px=float(np.percentile(error, 95)),
+        max_error_px=float(error.max()),
+    )

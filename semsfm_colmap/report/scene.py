@@ -24,9 +24,9 @@ from semsfm_colmap.report.camera_frames import (
 )
 from semsfm_colmap.report.frames import order_frames
 from semsfm_colmap.report.inputs import ReportInputs
+from semsfm_colmap.report.number_text import number, unit_text
 from semsfm_colmap.report.options import ReportOptions
 from semsfm_colmap.report.thinning import even_subset, thin_mesh
-from semsfm_colmap.report.verdict import number
 from semsfm_colmap.types import Array, Float, Int, Reconstruction, TriangleMesh
 
 EYE_DISTANCE = 2.0
@@ -38,16 +38,38 @@ RANGE_MARGIN = 1.1
 AXES_LENGTH_RADII, AXES_PLACE_RADII = 0.5, 1.2
 
 
+@dataclass(frozen=True, kw_only=True)
+class Switch:
+    """A part of the scene that can be hidden."""
+
+    label: str
+    traces: list[int]
+    """indices into `Scene.data`"""
+    on: bool
+    """shown at first"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """One view of the scene."""
+
+    camera: dict[str, Any]
+    half_width: float
+    """how far the content reaches from its middle on the screen, in world units"""
+    half_height: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
     """The scene, which of its traces belong to which switch, and what was left out."""
 
     data: list[dict[str, Any]]
+    """traces, as plotly.js reads them"""
     layout: dict[str, Any]
-    switches: list[dict[str, Any]]
-    """label, traces (indices), on (shown at first)"""
-    views: dict[str, dict[str, Any]]
-    """Camera of each view button, and how far the content reaches in it."""
+    """likewise"""
+    switches: list[Switch]
+    views: dict[str, Look]
+    """of each view button"""
     remarks: list[str]
 
 
@@ -154,7 +176,7 @@ def _xyz_of(v: Float) -> dict[str, float]:
     return {letter: float(c) for letter, c in zip("xyz", v, strict=True)}
 
 
-def _look(eye: Float, up: Float, extent: Float) -> dict[str, Any]:
+def _look(eye: Float, up: Float, extent: Float) -> Look:
     """A view along ``-eye`` and how far the content reaches from its middle on the screen.
 
     `extent` (P, 3) are the points that should be in the picture, relative to its centre.
@@ -165,11 +187,11 @@ def _look(eye: Float, up: Float, extent: Float) -> dict[str, Any]:
         "eye": _xyz_of(EYE_DISTANCE * eye), "up": _xyz_of(up), "center": _xyz_of(np.zeros(3)),
         "projection": {"type": "orthographic"},
     }  # fmt: skip
-    return {
-        "camera": camera,
-        "half_width": float(np.max(np.abs(extent @ right))),
-        "half_height": float(np.max(np.abs(extent @ np.cross(eye, right)))),
-    }
+    return Look(
+        camera=camera,
+        half_width=float(np.max(np.abs(extent @ right))),
+        half_height=float(np.max(np.abs(extent @ np.cross(eye, right)))),
+    )
 
 
 def _layout(unit: str, view: View, extent: Float, camera: dict[str, Any]) -> dict[str, Any]:
@@ -245,12 +267,12 @@ def build_scene(inputs: ReportInputs, options: ReportOptions | None = None) -> S
     R = rec.cameras.cam_from_world[frames.image_idx[0]] if rec.num_images else np.eye(3)
     limit = options.max_scene_points
     data: list[dict[str, Any]] = []
-    switches: list[dict[str, Any]] = []
+    switches: list[Switch] = []
     remarks: list[str] = []
 
     def add(label: str, traces: list[dict[str, Any]], shown: bool) -> None:
         at = list(range(len(data), len(data) + len(traces)))
-        switches.append({"label": label, "traces": at, "on": shown})
+        switches.append(Switch(label=label, traces=at, on=shown))
         data.extend(traces)
 
     if len(points):
@@ -271,7 +293,7 @@ def build_scene(inputs: ReportInputs, options: ReportOptions | None = None) -> S
     if rec.num_images:
         names = [frames.names[k] for k in frames.registered]
         add("cameras", _camera_traces(rec, frames.image_idx, frames.numbers, names, view), True)
-    unit = {"um": "µm"}.get(rec.world_unit, rec.world_unit)
+    unit = unit_text(rec.world_unit)
     add("axes", _axes_traces(view, R, unit), True)
 
     extent = np.concatenate(
@@ -287,5 +309,5 @@ def build_scene(inputs: ReportInputs, options: ReportOptions | None = None) -> S
         "from above": _look(-R[1], R[2], extent),
         "oblique": _look(-R[2] - 0.7 * R[1] + 0.6 * R[0], -R[1], extent),
     }
-    layout = _layout(unit, view, extent, views[FIRST_VIEW]["camera"])
+    layout = _layout(unit, view, extent, views[FIRST_VIEW].camera)
     return Scene(data=data, layout=layout, switches=switches, views=views, remarks=remarks)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.motion.small_tilt import tilt_tolerance
+from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
+from semsfm_colmap.report.metrics import Metrics
+from semsfm_colmap.report.motion_statistics import RotationMetrics
+from semsfm_colmap.report.number_text import count, fixed, listed, number, percent, unit_text
+from semsfm_colmap.types import DepthSign
 
-MIN_RANGE_DEG = 15.0
-"""Below this total rotation angle and depth are seen only in second order: neither a fixed nor a
-free magnification is safe (0.1 % of drift shifts the tilt by several percent)."""
 MAX_SCALE_SPREAD = 0.003
 """Magnification drift of scanning electron microscopes within a series is 0.05 to 0.3 %."""
 MIN_SHARED_TRACKS = 10
@@ -29,12 +29,6 @@ MIN_MULTI_VIEW_FRACTION = 0.5
 MAX_SCALE_MISMATCH = 0.01
 """Pixel size and model scale must agree: the vendors' pixel sizes are good to 1 to 3 %, but both
 come from the same number."""
-MAX_NAMES = 6
-"""Names listed in a sentence before the rest are counted."""
-PLAIN_RANGE = (1e-4, 1e9)
-"""Numbers outside are written with an exponent."""
-THIN_SPACE = "\u202f"
-"""Narrow and unbreakable: between the digits of thousands and before the percent sign."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,55 +39,8 @@ class Verdict:
     doubts: tuple[str, ...]
 
 
-def number(value: float | None, digits: int = 3) -> str:
-    """A float with so many significant digits, an integer in full; a dash for None."""
-    if value is None:
-        return "–"
-    if isinstance(value, int) or value == 0.0:
-        text = f"{int(value):,}"
-    elif not PLAIN_RANGE[0] <= abs(value) < PLAIN_RANGE[1]:
-        text = f"{value:.{digits - 1}e}"
-    else:
-        decimals = digits - 1 - int(np.floor(np.log10(abs(value))))
-        text = f"{round(value, decimals):,.{max(decimals, 0)}f}"
-    return text.replace(",", THIN_SPACE).replace("-", "−")
-
-
-def fixed(value: float | None, digits: int) -> str:
-    """So many decimals, with a proper minus and none before a zero; a dash for None."""
-    if value is None:
-        return "–"
-    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
-
-
-def count(value: int, noun: str) -> str:
-    """``3 images``, ``1 image``, ``0 images``."""
-    return f"{number(value)} {noun}" + ("" if value == 1 else "s")
-
-
-def percent(fraction: float | None, digits: int = 1) -> str:
-    """A fraction as ``12.3 %``; never rounded up to 100 %."""
-    if fraction is None:
-        return "–"
-    shown = round(100.0 * fraction, digits)
-    if fraction < 1.0 and shown >= 100.0:
-        return f"> {100.0 - 10.0**-digits:.{digits}f}{THIN_SPACE}%"
-    return f"{shown:.{digits}f}{THIN_SPACE}%"
-
-
-def listed(names: list[str]) -> str:
-    """The first few names and how many more there are."""
-    more = len(names) - MAX_NAMES
-    return ", ".join(names[:MAX_NAMES]) + (f" and {more} more" if more > 0 else "")
-
-
-def unit(metrics: dict[str, Any]) -> str:
-    """The world unit as a person writes it."""
-    return {"um": "µm"}.get(metrics["world"]["unit"], metrics["world"]["unit"])
-
-
-def _evidence(sign: dict[str, Any]) -> str:
-    cues = ", ".join(f"{cue} {percent(p)}" for cue, p in sign["evidence"].items())
+def _evidence(sign: DepthSign) -> str:
+    cues = ", ".join(f"{cue} {percent(p)}" for cue, p in sign.evidence.items())
     return f" Evidence: {cues}." if cues else " There is no evidence either way."
 
 
@@ -103,179 +50,190 @@ def _sentence(message: str) -> str:
     return f"{plain[:1].upper()}{plain[1:]}." if plain else ""
 
 
-def _facts(m: dict[str, Any]) -> Iterator[str]:
-    images, structure, world, r = m["images"], m["structure"], m["world"], m["residuals"]
-    registered = f"{images['num_registered']} of {count(images['num_given'], 'image')} registered"
-    if structure["num_observations"] == 0:
-        yield f"{registered}; {count(structure['num_points'], 'point')}."
+def _facts(m: Metrics) -> Iterator[str]:
+    images, structure, world, r = m.images, m.structure, m.world, m.residuals
+    registered = f"{images.num_registered} of {count(images.num_given, 'image')} registered"
+    if structure.num_observations == 0:
+        yield f"{registered}; {count(structure.num_points, 'point')}."
     else:
         yield (
-            f"{registered}; {count(structure['num_points'], 'point')} from "
-            f"{count(structure['num_observations'], 'observation')}, each seen in "
-            f"{number(structure['mean_track_length'])} images on average."
+            f"{registered}; {count(structure.num_points, 'point')} from "
+            f"{count(structure.num_observations, 'observation')}, each seen in "
+            f"{number(structure.mean_track_length)} images on average."
         )
-    if world["unit"] == "um":
-        nm = f"one pixel is {number(world['pixel_size_nm'], 4)} nm"
-        yield f"The model is in micrometres: {nm} ({world['pixel_size_source']})."
+    if world.unit == "um":
+        nm = f"one pixel is {number(world.pixel_size_nm, 4)} nm"
+        yield f"The model is in micrometres: {nm} ({world.pixel_size_source})."
     else:
         yield "The model is in pixels: no pixel size is known."
-    if r["num_residuals"]:
+    if r is not None:
         nm = (
-            f" ({number(r['sigma_x_nm'])} nm in x, {number(r['sigma_y_nm'])} nm in y)"
-            if r["sigma_x_nm"] is not None
+            f" ({number(r.x.sigma_nm)} nm in x, {number(r.y.sigma_nm)} nm in y)"
+            if r.x.sigma_nm is not None
             else ""
         )
         yield (
-            f"Residuals have σ = {number(r['sigma_x_px'])} px in x and "
-            f"{number(r['sigma_y_px'])} px in y{nm}, over "
-            f"{count(r['num_residuals'], 'kept observation')}."
+            f"Residuals have σ = {number(r.x.sigma_px)} px in x and "
+            f"{number(r.y.sigma_px)} px in y{nm}, over "
+            f"{count(r.num_residuals, 'kept observation')}."
         )
-    rotation = m["rotation"]
-    if rotation["axis_camera"] is not None:
-        yield (
-            f"The specimen turned through {number(rotation['range_deg'], 4)}° about one axis, in "
-            f"steps of {number(rotation['median_step_deg'])}° (median), with a wobble of "
-            f"{fixed(rotation['wobble_rms_deg'], 2)}° rms."
-        )
-        if rotation["closure"]["is_full_turn"]:
-            closing = rotation["closure"]
-            yield (
-                f"It is a full turn: the step from the last image to the first is "
-                f"{number(closing['last_to_first_deg'])}°, against a median step of "
-                f"{number(closing['median_step_deg'])}°."
-            )
-    if rotation["stage_tilt"] is not None and _tilt_agrees(rotation):
-        tilt = rotation["stage_tilt"]
-        yield (
-            f"The angles follow the recorded tilt with a slope of {number(tilt['slope'], 4)} and "
-            f"{number(tilt['rms_deg'], 2)}° rms over {count(tilt['num_images'], 'image')}."
-        )
-    sign = m["depth_sign"]
-    if sign["status"] == "resolved":
+    if m.rotation is not None:
+        yield from _facts_of_motion(m.rotation)
+    sign = m.depth_sign
+    if sign.status == "resolved":
         # the cues say what the program's own sentence does; a user's word they do not
-        word = f" {_sentence(sign['message'])}" if "user" in sign["evidence"] else ""
+        word = f" {_sentence(sign.message)}" if "user" in sign.evidence else ""
         yield (
-            f"Depth sign: resolved, with a confidence of {percent(sign['confidence'])}."
+            f"Depth sign: resolved, with a confidence of {percent(sign.confidence)}."
             f"{_evidence(sign)}{word}"
         )
-    if m["mesh"] is not None and m["mesh"]["num_faces"]:
-        mesh, u = m["mesh"], unit(m)
-        size = " × ".join(number(s) for s in mesh["bounding_box_size_world"])
+    if m.mesh is not None and m.mesh.bounding_box is not None:
+        mesh, u = m.mesh, unit_text(world.unit)
+        size = " × ".join(number(s) for s in m.mesh.bounding_box.size_world)
         yield (
-            f"The mesh has {count(mesh['num_faces'], 'face')} in "
-            f"{count(mesh['num_components'], 'component')}, an area of "
-            f"{number(mesh['area_world2'])} {u}², and fits a box of {size} {u}."
+            f"The mesh has {count(mesh.num_faces, 'face')} in "
+            f"{count(mesh.num_components, 'component')}, an area of "
+            f"{number(mesh.area_world2)} {u}², and fits a box of {size} {u}."
         )
 
 
-def _tilt_agrees(rotation: dict[str, Any]) -> bool:
-    slope = rotation["stage_tilt"]["slope"]
-    return bool(abs(slope - 1.0) <= tilt_tolerance(np.deg2rad(rotation["range_deg"])))
+def _facts_of_motion(rotation: RotationMetrics) -> Iterator[str]:
+    yield (
+        f"The specimen turned through {number(rotation.range_deg, 4)}° about one axis, in "
+        f"steps of {number(rotation.median_step_deg)}° (median), with a wobble of "
+        f"{fixed(rotation.wobble_rms_deg, 2)}° rms."
+    )
+    closing = rotation.closure
+    if closing.is_full_turn:
+        yield (
+            f"It is a full turn: the step from the last image to the first is "
+            f"{number(closing.last_to_first_deg)}°, against a median step of "
+            f"{number(closing.median_step_deg)}°."
+        )
+    tilt = rotation.stage_tilt
+    if tilt is not None and tilt.agrees is not False:
+        follow = (
+            "The angles follow the recorded tilt with"
+            if tilt.agrees
+            else "Against the recorded tilt, by which they were not judged, the angles have"
+        )
+        yield (
+            f"{follow} a slope of {number(tilt.slope, 4)} and {number(tilt.rms_deg, 2)}° rms "
+            f"over {count(tilt.num_images, 'image')}."
+        )
 
 
-def _doubts_about_depth(m: dict[str, Any]) -> Iterator[str]:
-    sign, rotation, num = m["depth_sign"], m["rotation"], m["images"]["num_registered"]
+def _doubts_about_depth(m: Metrics) -> Iterator[str]:
+    sign, num = m.depth_sign, m.images.num_registered
     if num < 2:
         return
-    if sign["status"] != "resolved":
+    if sign.status != "resolved":
         twin = (
             " Both models are written: sparse/0 and its depth-reversed twin sparse/1."
-            if sign["twin_written"]
+            if m.twin_written
             else " The depth-reversed twin was not written."
         )
         yield (
             f"The depth sign is ambiguous: the model may be inside out, near for far. The first "
-            f"model has a confidence of {percent(sign['confidence'])}.{_evidence(sign)}{twin} "
-            f"{_sentence(sign['message'])}".rstrip()
+            f"model has a confidence of {percent(sign.confidence)}.{_evidence(sign)}{twin} "
+            f"{_sentence(sign.message)}".rstrip()
         )
     if num == 2:
         yield (
             "Two parallel views leave the depth scale and the angle between them undetermined: "
             "without a known angle the shape is a guess. Add a third image."
         )
-    if rotation["stage_tilt"] is not None and not _tilt_agrees(rotation):
+    yield from _doubts_about_motion(m.rotation)
+
+
+def _doubts_about_motion(rotation: RotationMetrics | None) -> Iterator[str]:
+    """Doubts about the rotation of two or more images; None where nothing turned."""
+    range_deg = 0.0 if rotation is None else rotation.range_deg
+    tilt = None if rotation is None else rotation.stage_tilt
+    if tilt is not None and tilt.agrees is False:
         yield (
-            f"The images turned {number(rotation['stage_tilt']['slope'], 4)} times as far as the "
+            f"The images turned {number(tilt.slope, 4)} times as far as the "
             "recorded tilts say, more than either can be wrong: check the tilts, or whether the "
             "magnification changed."
         )
-    if rotation["range_deg"] < MIN_RANGE_DEG:
+    if range_deg < SMALL_ROTATION_DEG:
         yield (
-            f"The whole rotation is only {number(rotation['range_deg'])}°. Below "
-            f"{MIN_RANGE_DEG:.0f}° the angles and depths may be off by several percent although "
-            "the residuals are small."
+            f"The whole rotation is only {number(range_deg)}°. Below "
+            f"{SMALL_ROTATION_DEG:.0f}° the angles and depths may be off by several percent "
+            "although the residuals are small."
         )
-    elif rotation["axis_camera"] is not None:
-        wobble = rotation["wobble_rms_deg"]
-        if wobble > MAX_WOBBLE_FRACTION * rotation["range_deg"]:
+    elif rotation is not None:
+        wobble = rotation.wobble_rms_deg
+        if wobble > MAX_WOBBLE_FRACTION * range_deg:
             yield (
                 f"The rotation is not about one axis: its wobble is {number(wobble)}° rms in "
-                f"{number(rotation['range_deg'])}° of range. The angles per image mean little."
+                f"{number(range_deg)}° of range. The angles per image mean little."
             )
 
 
-def _doubts_about_images(m: dict[str, Any]) -> Iterator[str]:
-    images, rows = m["images"], [row for row in m["per_image"] if row["registered"]]
-    if images["missing"]:
-        missing = images["missing"]
+def _doubts_about_images(m: Metrics) -> Iterator[str]:
+    missing = m.images.missing
+    if missing:
         yield f"{count(len(missing), 'image')} could not be registered: {listed(missing)}."
-    rms = np.array([row["rms_px"] or np.nan for row in rows])
+    rows = [(image.name, image.pose) for image in m.per_image if image.pose is not None]
+    rms = np.array([pose.rms_px or np.nan for _, pose in rows])
     if np.isfinite(rms).any():
         bad = rms > BAD_IMAGE_FACTOR * np.nanmedian(rms)
-        names = [row["name"] for row, is_bad in zip(rows, bad, strict=True) if is_bad]
+        names = [name for (name, _), is_bad in zip(rows, bad, strict=True) if is_bad]
         if names:
             yield (
                 f"{count(len(names), 'image')} with residuals over {BAD_IMAGE_FACTOR:.0f} times "
                 f"the median of all ({number(float(np.nanmedian(rms)))} px): {listed(names)}."
             )
-    scale = np.array([row["relative_scale"] for row in rows])
+    scale = np.array([pose.relative_scale for _, pose in rows])
     if len(scale) and np.ptp(scale) > 2.0 * MAX_SCALE_SPREAD:
         yield (
             f"The magnification spreads over {percent(float(np.ptp(scale)), 2)} between images; "
             f"more than ±{percent(MAX_SCALE_SPREAD)} is unusual for a microscope left alone, and "
             "a wrong magnification bends the angles."
         )
-    shared = m["co_visibility"]["num_shared_tracks"]
-    weak = [k for k in range(len(rows) - 1) if shared[k][k + 1] < MIN_SHARED_TRACKS]
-    if weak:
-        links = [f"{rows[k]['name']} – {rows[k + 1]['name']}" for k in weak]
+    shared = np.diagonal(m.co_visibility.num_shared_tracks, offset=1)
+    weak = np.flatnonzero(shared < MIN_SHARED_TRACKS)
+    if len(weak):
+        links = [f"{rows[k][0]} – {rows[k + 1][0]}" for k in weak]
         yield (
             f"Weak links, with fewer than {MIN_SHARED_TRACKS} points shared by neighbouring "
             f"images: {listed(links)}."
         )
 
 
-def _doubts_about_points(m: dict[str, Any]) -> Iterator[str]:
-    structure, world, r = m["structure"], m["world"], m["residuals"]
-    if structure["num_points"] == 0:
+def _doubts_about_points(m: Metrics) -> Iterator[str]:
+    structure, world, r = m.structure, m.world, m.residuals
+    if structure.num_points == 0:
         yield "There are no points: no image could be placed in space."
         return
-    fraction = structure["num_points_in_3_or_more_images"] / structure["num_points"]
+    fraction = structure.num_points_in_3_or_more_images / structure.num_points
     if fraction < MIN_MULTI_VIEW_FRACTION:
         yield (
             f"Only {percent(fraction)} of the points are seen in three or more images; the others "
             "add nothing to the metric shape."
         )
-    rejected = structure["rejected_fraction"]
+    rejected = structure.rejected_fraction
     if rejected is not None and rejected > MAX_REJECTED_FRACTION:
         yield f"{percent(rejected)} of all observations were rejected as outliers."
-    if world["unit"] == "um" and world["pixel_size_nm"] is not None:
-        ratio = world["median_scale_px_per_world"] * world["pixel_size_nm"] / 1000.0
+    scale, nm = world.median_scale_px_per_world, world.pixel_size_nm
+    if world.unit == "um" and nm is not None and scale is not None:
+        ratio = scale * nm / 1000.0
         if abs(ratio - 1.0) > MAX_SCALE_MISMATCH:
             yield (
                 f"The scale of the model and the pixel size disagree by a factor of "
                 f"{number(ratio, 4)}: lengths in micrometres are off by as much."
             )
-    deviation = m["telecentric"].get("max_deviation_px")
-    sigma = r.get("rms_per_coordinate_px")
-    if deviation is not None and sigma is not None and deviation > sigma:
-        yield (
-            f"The pinhole camera written for COLMAP departs from parallel projection by up to "
-            f"{number(deviation)} px, more than the residuals ({number(sigma)} px)."
-        )
+    if m.telecentric is not None and r is not None:
+        deviation, sigma = m.telecentric.max_deviation_px, r.rms_per_coordinate_px
+        if deviation > sigma:
+            yield (
+                f"The pinhole camera written for COLMAP departs from parallel projection by up to "
+                f"{number(deviation)} px, more than the residuals ({number(sigma)} px)."
+            )
 
 
-def judge(metrics: dict[str, Any]) -> Verdict:
+def judge(metrics: Metrics) -> Verdict:
     """The facts and the doubts that follow from the metrics."""
     doubts = (
         *_doubts_about_depth(metrics),

@@ -9,24 +9,24 @@ from __future__ import annotations
 import os
 import tempfile
 from pathlib import Path
-from typing import Any
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.report.figures import DrawnFigure, draw_figures
 from semsfm_colmap.report.html import render_page
 from semsfm_colmap.report.inputs import ReportInputs
 from semsfm_colmap.report.json_text import to_json
-from semsfm_colmap.report.metrics import compute_metrics
+from semsfm_colmap.report.metrics import Metrics, compute_metrics
+from semsfm_colmap.report.metrics_json import metrics_json
 from semsfm_colmap.report.options import ReportOptions
 
 PAGE, METRICS, FIGURES = "report.html", "metrics.json", "figures"
 
 
-def write_metrics(metrics: dict[str, Any], path: Path) -> None:
+def write_metrics(metrics: Metrics, path: Path) -> None:
     """Write metrics.json in one step."""
     aside = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        aside.write_text(to_json(metrics), encoding="utf-8")
+        aside.write_text(to_json(metrics_json(metrics)), encoding="utf-8")
         aside.replace(path)
     finally:
         aside.unlink(missing_ok=True)
@@ -48,10 +48,10 @@ def _swap_folder(new: Path, place: Path, attic: Path) -> None:
 
 def write_report(
     inputs: ReportInputs, report_path: Path, options: ReportOptions | None = None
-) -> dict[str, Any]:
+) -> Metrics:
     """Compute the metrics, draw the figures and the page, and put them into `report_path`.
 
-    Returns the metrics, as in metrics.json; raises UsageError when the folder cannot be written.
+    Returns the metrics; raises UsageError when the folder cannot be written.
     """
     metrics = compute_metrics(inputs)
     figures = draw_figures(inputs, metrics, options)

@@ -35,6 +35,15 @@ def synthesize(
     -------
     The folder with the images.
 
+    Examples
+    --------
+    >>> options = SynthesizeOptions(
+    ...     scene="field", num_images=3, width_px=64, height_px=64, databar=False, mesh_edge_px=8
+    ... )
+    >>> images = synthesize(Path("series"), options)
+    >>> sorted(path.name for path in images.iterdir())
+    ['field_000.png', 'field_001.png', 'field_002.png']
+
     """
     from semsfm_colmap.synthetic.databar import BarText, draw_databar
     from semsfm_colmap.synthetic.detector import expose, exposure_of

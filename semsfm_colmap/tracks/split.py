@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from semsfm_colmap.geometry.points import track_pointer
-from semsfm_colmap.geometry.subset import keep_tracks
+from semsfm_colmap.geometry.subset import take_subset
 from semsfm_colmap.geometry.triangulation import triangulate_tracks
 from semsfm_colmap.types import Int, Observations, OrthographicCameras
 
@@ -50,21 +50,17 @@ def split_tracks(
     Observations in the same images, sorted by track, then image; the new tracks come last
 
     """
-    number = np.full(observations.num_images, -1, dtype=np.int64)
-    number[images] = np.arange(len(images))
     P, t = cameras.projection, np.asarray(cameras.translation_px)
-    rows = np.flatnonzero(number[observations.image_idx] >= 0)
+    rows = np.arange(len(observations))
     track_idx = np.array(observations.track_idx)
     num_tracks = observations.num_tracks
     for k in range(MAX_POINTS):
         mask = np.zeros(len(observations), dtype=bool)
         mask[rows] = True
-        local, kept = keep_tracks(observations, mask, min_length=min_length, image_number=number)
+        subset = take_subset(observations, images=images, mask=mask, min_length=min_length)
+        local = subset.observations
         if len(local) == 0:
             break
-        alive = np.zeros(observations.num_tracks, dtype=bool)
-        alive[kept] = True
-        mask &= alive[observations.track_idx]
         _, inlier = triangulate_tracks(
             P,
             t,
@@ -78,7 +74,7 @@ def split_tracks(
         count = np.bincount(local.track_idx[inlier], minlength=local.num_tracks)
         found = count >= min_length
         agree = inlier & found[local.track_idx]
-        positions = np.flatnonzero(mask)
+        positions = np.flatnonzero(subset.rows)
         if k > 0:
             new = np.cumsum(found) - 1
             track_idx[positions[agree]] = num_tracks + new[local.track_idx[agree]]

@@ -13,6 +13,7 @@ from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.sparse import write_model
 from semsfm_colmap.colmap.options import ExportOptions
 from semsfm_colmap.io.ply import write_ply
+from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import bundle_adjust
 from semsfm_colmap.surface.files import write_depth_map
 from semsfm_colmap.types import DepthSign, PointCloud, Reconstruction
@@ -63,9 +64,9 @@ def ball(names: tuple[str, ...], *, aspect: float = 1.0, num_points: int = 1500)
     obs = replace(obs, xy=xy, keypoint_idx=keypoint)
     # the optimum of these observations, in a world of px, as `semsfm map` would hand it on
     in_px = replace(cameras, scale_px_per_unit=cameras.scale_px_per_unit / SCALE)
-    solution = bundle_adjust(in_px, obs, scale_sigma=0.01, sigma_px=NOISE_PX)
+    solution = bundle_adjust(in_px, obs, BundleSettings(scale_sigma=0.01, sigma_px=NOISE_PX))
     assert solution.value is not None
-    cameras, points = solution.value
+    cameras, points = solution.value.cameras, solution.value.points
     return replace(
         made,
         cameras=replace(cameras, scale_px_per_unit=cameras.scale_px_per_unit * SCALE / UNIT),

@@ -1,6 +1,6 @@
 """Other programs run on our files: each function gives back the figures that it reports.
 
-Used by test_consumers.py and by scripts/consumers_table.py.
+Used by test_consumers.py and by benchmarks/consumers.py.
 """
 
 from __future__ import annotations

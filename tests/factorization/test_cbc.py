@@ -5,7 +5,6 @@ import pytest
 
 from semsfm_colmap.factorization.blocks import Block, select_blocks, tied_groups
 from semsfm_colmap.factorization.cbc import factorize_cbc, largest_tied
-from semsfm_colmap.factorization.complete import factorize_complete
 from semsfm_colmap.factorization.factorize import (
     factorize,
     factorize_most,
@@ -16,6 +15,7 @@ from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 from tests.alignment import best_hand_errors_deg
 from tests.factorization.measurements import observations_from_matrix
+from tests.oracles.factorization import factorize_complete
 
 
 def scene(**options):
@@ -82,9 +82,7 @@ def test_wrong_matches_do_not_spoil_the_bases():
                     s.observations,
                     FactorizationOptions(),
                     np.random.default_rng(0),
-                )
-                .value[0]
-                .cam_from_world,
+                ).value.cameras.cam_from_world,
                 s.cameras.cam_from_world,
             )
         )

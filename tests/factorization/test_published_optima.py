@@ -52,4 +52,4 @@ def test_cbc_and_polish_reach_the_best_known_optimum(data_path, name, optimum_px
         solver=SolverOptions(max_iterations=300, cost_tolerance=1e-12),
     )
     assert polish.status == "ok"
-    assert polish.diagnostics["rms_px"] == pytest.approx(optimum_px, rel=1e-6)
+    assert polish.value.rms_px == pytest.approx(optimum_px, rel=1e-6)

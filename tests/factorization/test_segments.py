@@ -42,14 +42,14 @@ def test_a_chain_of_many_track_lengths_stays_straight_in_segments(chain):
     part = find_parts(obs, options)[0]
     assert len(part.images) == obs.num_images
     start = factorize(part, obs, options, np.random.default_rng(1))
-    assert start.diagnostics["num_segments"] > 3
-    found = rotation_error_deg(start.value[0], chain.cameras)
+    assert start.value.figures.num_segments > 3
+    found = rotation_error_deg(start.value.cameras, chain.cameras)
     assert found < 0.8
     # what it is for: in one piece the chain bends
-    assert start.diagnostics["eigenvalue_gap"] > 3.0
+    assert start.value.figures.eigenvalue_gap > 3.0
     whole = factorize_whole(part, obs, options, np.random.default_rng(1))
-    assert whole.diagnostics["eigenvalue_gap"] < 3.0
-    assert rotation_error_deg(whole.value[0], chain.cameras) > 2.0 * found
+    assert whole.value.figures.eigenvalue_gap < 3.0
+    assert rotation_error_deg(whole.value.cameras, chain.cameras) > 2.0 * found
 
 
 def test_segments_cover_all_images_overlap_and_are_stiff(chain):

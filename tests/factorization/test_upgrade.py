@@ -27,7 +27,7 @@ def test_exact_affine_cameras_are_upgraded_exactly(angles):
     R = turn(angles)
     model, A, X = affine_model(R, np.ones(len(R)))
     found = upgrade_to_euclidean(model, scale_sigma=0.001)
-    cameras, points = found.value
+    cameras, points = found.value.cameras, found.value.points
     assert best_hand_errors_deg(cameras.cam_from_world, R).max() < 1e-3
     assert np.allclose(cameras.scale_px_per_unit, 1.0, atol=1e-5)
     # the images stay what they were
@@ -39,7 +39,7 @@ def test_exact_affine_cameras_are_upgraded_exactly(angles):
 def test_magnifications_that_differ_are_found():
     R, scale = turn(np.linspace(0, 90, 8)), 1.0 + 0.05 * np.sin(np.arange(8))
     model, _, _ = affine_model(R, scale)
-    cameras, _ = upgrade_to_euclidean(model, scale_sigma=0.2).value
+    cameras = upgrade_to_euclidean(model, scale_sigma=0.2).value.cameras
     relative = cameras.scale_px_per_unit / scale
     assert np.allclose(relative / relative.mean(), 1.0, atol=1e-3)
 
@@ -69,6 +69,6 @@ def test_the_metric_is_positive_definite_even_for_inconsistent_cameras():
         A=rng.normal(size=(5, 2, 3)), t=np.zeros((5, 2)), X=rng.normal(size=(20, 3))
     )
     found = upgrade_to_euclidean(model, scale_sigma=0.001)
-    cameras, points = found.value
+    cameras, points = found.value.cameras, found.value.points
     assert np.isfinite(points).all()
     assert np.allclose(np.linalg.det(cameras.cam_from_world), 1.0)

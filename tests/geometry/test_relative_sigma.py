@@ -43,12 +43,12 @@ def test_weights_bring_the_error_of_rotations_to_what_the_covariance_says(factor
             (replace(noisy, relative_sigma=relative), weighted_errors),
             (noisy, plain_errors),
         ):
-            result = bundle_adjust(truth, observations, sigma_px=0.3)
+            result = bundle_adjust(truth, observations)
             assert result.value is not None
-            errors.append(_relative_error(result.value[0], truth))
+            errors.append(_relative_error(result.value.cameras, truth))
             if errors is weighted_errors:
                 covariance = estimate_covariance(
-                    result.diagnostics["model"], result.diagnostics["state"], observations, 0.3
+                    result.value.model, result.value.state, observations, 0.3
                 ).value
                 assert covariance is not None
                 claimed.append(np.sqrt(np.mean(covariance.sigma_rotation_rad**2)))

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from semsfm_colmap.factorization.options import FactorizationOptions
+from semsfm_colmap.mapping.context import SeriesContext
 from semsfm_colmap.mapping.drift import adjust_last
-from semsfm_colmap.matching.guided.grow import Grown
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import refine
 from semsfm_colmap.refinement.trust import covariance_of
@@ -19,36 +20,25 @@ OPTIONS = RefinementOptions(drift_sigma_px=DRIFT_PX)
 
 
 def series(seed):
-    """A drifting series, its first refinement, and its observations as grown ones."""
+    """A drifting series, its first refinement, and its observations."""
     rng = np.random.default_rng(seed)
     s = simulate_tracks(
         num_images=M, range_deg=60.0, num_tracks=800, noise_px=NOISE_PX, body="field", rng=rng
     )
     s = with_drift(s, DRIFT_PX * rng.normal(size=(M, 2)))
     first = refine(s.cameras, np.arange(M), s.observations, OPTIONS, rng=rng, seed=seed).value
-    n = len(s.observations)
-    grown = Grown(
-        observations=s.observations,
-        sigma_px=np.full(n, 0.1),
-        baseline_sine=np.zeros(n),
-        num_predicted=n,
-        high_pass_px=2.0,
-    )
-    return s, first, grown
+    return s, first, s.observations
 
 
-def last(seed, options=OPTIONS, **more):
-    s, first, grown = series(seed)
-    end = adjust_last(
-        grown,
-        first,
-        options,
-        np.full(M, HEIGHT),
-        own_weights=False,
-        rng=np.random.default_rng(0),
-        seed=0,
-        **more,
+def last(seed, options=OPTIONS):
+    s, first, observations = series(seed)
+    context = SeriesContext(
+        image_names=tuple(f"{i}.png" for i in range(M)),
+        image_size_px=np.full((M, 2), HEIGHT),
+        factorization=FactorizationOptions(),
+        refinement=options,
     )
+    end = adjust_last(context, first, observations, rng=np.random.default_rng(0))
     return s, first, end
 
 

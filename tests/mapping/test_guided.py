@@ -13,6 +13,7 @@ from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.runner import run_stages
+from semsfm_colmap.records import MapRecord
 from tests.exports import consumers
 
 PLAIN = config_from_dict({"guided": {"enabled": False}})
@@ -41,9 +42,9 @@ def test_tracks_are_longer_and_no_less_right_than_without(project, small_series)
     truth = load_truth(small_series)
     guided = evaluate(read_model(project / "sparse" / "0"), truth)
     record = RunRecord.read(project / "run.json")
-    figures = record.stages["map"]["summary"]["diagnostics"]["guided"]
-    assert figures["num_observations"] > 1.3 * figures["num_observations_before"]
-    assert figures["sigma_px"] < 0.8 * figures["sigma_before_px"]
+    figures = record.result("map", MapRecord).diagnostics.guided
+    assert figures.num_observations > 1.3 * figures.num_observations_before
+    assert figures.sigma_px < 0.8 * figures.sigma_before_px
     run_stages(project, PLAIN, names=("map",))
     plain = evaluate(read_model(project / "sparse" / "0"), truth)
     assert guided["mean_track_length"] > 1.05 * plain["mean_track_length"]

@@ -15,6 +15,7 @@ from semsfm_colmap.config import Config, FeatureOptions
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.pipeline.evaluate import evaluate_project
 from semsfm_colmap.pipeline.runner import run_stages
+from semsfm_colmap.records import MapRecord, TiltAgreement
 from tests.ingest.conftest import DATA
 
 NICKEL = DATA / "synth_nickel"
@@ -31,7 +32,7 @@ class Mapped:
     """A map, what it says, and how far it is from the truth."""
 
     notes: str
-    prior: dict[str, Any] | None
+    prior: TiltAgreement | None
     figures: dict[str, Any]
 
 
@@ -66,11 +67,11 @@ def map_with(matched: Path, name: str, factor: float | None, names: list[str]) -
     config = replace(CONFIG, ingest=options)
     run_stages(project, config, names=("ingest",), image_path=images)
     record = run_stages(project, config, names=("map",))
-    summary = record.stages["map"]["summary"]
+    summary = record.result("map", MapRecord)
     figures, _ = evaluate_project(project, NICKEL)
     return Mapped(
-        notes=" ".join(summary["notes"]),
-        prior=summary["diagnostics"].get("tilt_prior"),
+        notes=" ".join(summary.notes),
+        prior=summary.diagnostics.tilt,
         figures=figures,
     )
 
@@ -104,8 +105,8 @@ def test_a_right_table_makes_nothing_worse(maps: dict[str, Mapped]) -> None:
 def test_a_right_table_counts_and_says_so(maps: dict[str, Mapped]) -> None:
     prior = maps["right"].prior
     assert prior is not None
-    assert prior["consistent"]
-    assert 0.05 < prior["weight"] < 0.2
+    assert prior.consistent
+    assert 0.05 < prior.weight < 0.2
     assert "the estimated tilt is " in maps["right"].notes
     assert maps["none"].prior is None
 
@@ -113,8 +114,8 @@ def test_a_right_table_counts_and_says_so(maps: dict[str, Mapped]) -> None:
 def test_a_table_that_is_wrong_by_a_fifth_is_said_and_not_obeyed(maps: dict[str, Mapped]) -> None:
     wrong = maps["wrong"]
     assert wrong.prior is not None
-    assert not wrong.prior["consistent"]
-    assert wrong.prior["factor"] == pytest.approx(1 / 1.2, rel=0.01)
+    assert not wrong.prior.consistent
+    assert wrong.prior.factor == pytest.approx(1 / 1.2, rel=0.01)
     assert "span 72.0 degrees, but the images show 60" in wrong.notes
     assert "they are not obeyed" in wrong.notes
     errors = [
@@ -134,4 +135,4 @@ def test_over_ten_degrees_a_right_table_corrects_the_images(matched: Path) -> No
     assert after < 0.6 * before
     assert after < 0.02
     assert helped.prior is not None
-    assert helped.prior["weight"] > 0.5
+    assert helped.prior.weight > 0.5

@@ -11,8 +11,9 @@ from semsfm_colmap.config import Config, read_config
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import load_truth
+from semsfm_colmap.pipeline import runner
 from semsfm_colmap.pipeline.runner import STAGE_NAMES, reconstruct, run_stages
-from semsfm_colmap.pipeline.stages import all as stages
+from semsfm_colmap.records import StageRecord
 
 FILES = (
     "semsfm.toml",
@@ -41,16 +42,21 @@ class Spy:
     def __init__(self, monkeypatch, pretend=()):
         self.ran = []
         self.pretend = pretend
-        for name in ("ingest", "extract", "match", "map_", "report"):
-            original = getattr(stages, name)
-            monkeypatch.setattr(stages, name, self.wrap(name, original))
+        for stage in runner.STAGES:
+            replace_run(monkeypatch, stage.name, self.wrap(stage))
 
-    def wrap(self, name, original):
-        def wrapped(*args, **kwargs):
-            self.ran.append(name)
-            return {} if name in self.pretend else original(*args, **kwargs)
+    def wrap(self, stage):
+        def run(on):
+            self.ran.append(stage.name)
+            return StageRecord() if stage.name in self.pretend else stage.run(on)
 
-        return wrapped
+        return run
+
+
+def replace_run(monkeypatch, name, run):
+    """Let a stage run another function."""
+    stages = [replace(s, run=run) if s.name == name else s for s in runner.STAGES]
+    monkeypatch.setattr(runner, "STAGES", tuple(stages))
 
 
 @pytest.fixture
@@ -98,16 +104,16 @@ def test_a_changed_option_reruns_its_stage_and_those_after_it(project, small_ser
     config = Config()
     config = replace(config, refinement=replace(config.refinement, scale_sigma=0.002))
     reconstruct(small_series / "images", project, config)
-    assert spy.ran == ["map_", "report"]
+    assert spy.ran == ["map", "report"]
     assert read_config(project / "semsfm.toml") == config
 
 
 @pytest.mark.parametrize(
     ("name", "anew"),
     [
-        ("pixel_size_um", ["ingest", "map_", "report"]),
-        ("series_csv", ["ingest", "map_", "report"]),
-        ("denoise", ["ingest", "extract", "match", "map_", "report"]),
+        ("pixel_size_um", ["ingest", "map", "report"]),
+        ("series_csv", ["ingest", "map", "report"]),
+        ("denoise", ["ingest", "extract", "match", "map", "report"]),
     ],
 )
 def test_only_other_pixels_ask_for_features_anew(
@@ -116,7 +122,7 @@ def test_only_other_pixels_ask_for_features_anew(
     table = tmp_path / "series.csv"
     names = sorted(path.name for path in (small_series / "images").iterdir())
     table.write_text("image,tilt_deg\n" + "".join(f"{n},{3 * k}\n" for k, n in enumerate(names)))
-    spy = Spy(monkeypatch, pretend=("extract", "match", "map_", "report"))
+    spy = Spy(monkeypatch, pretend=("extract", "match", "map", "report"))
     config = Config()
     value = {"pixel_size_um": 0.5, "series_csv": table, "denoise": "median"}[name]
     config = replace(config, ingest=replace(config.ingest, **{name: value}))
@@ -130,21 +136,21 @@ def test_only_other_pixels_ask_for_features_anew(
 def test_a_report_is_out_of_date_when_the_model_or_the_mesh_is_another(
     project, small_series, monkeypatch
 ):
-    spy = Spy(monkeypatch, pretend=("map_", "report"))
+    spy = Spy(monkeypatch, pretend=("map", "report"))
     run_stages(project, Config(), names=("report",))
     assert spy.ran == []
     config = replace(Config(), refinement=replace(Config().refinement, scale_sigma=0.002))
     run_stages(project, config, names=("map",))
     run_stages(project, config, names=("report",))
-    assert spy.ran == ["map_", "report"]
+    assert spy.ran == ["map", "report"]
     # the mesh is still that of the other model, and nothing else has changed
     run_stages(project, config, names=("report",))
-    assert spy.ran == ["map_", "report"]
+    assert spy.ran == ["map", "report"]
     record = json.loads((project / "run.json").read_text())
     del record["stages"]["mesh"]
     (project / "run.json").write_text(json.dumps(record))
     run_stages(project, config, names=("report",))
-    assert spy.ran == ["map_", "report", "report"]
+    assert spy.ran == ["map", "report", "report"]
 
 
 def test_same_seed_same_model_to_the_bit(project, small_series, tmp_path):
@@ -158,16 +164,15 @@ def test_a_run_that_was_cut_off_goes_on_and_ends_with_the_same_model(
     project, small_series, tmp_path, monkeypatch
 ):
     target = tmp_path / "cut"
-    original = stages.match
 
-    def cut(*args, **kwargs):
+    def cut(on):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(stages, "match", cut)
-    with pytest.raises(KeyboardInterrupt):
-        reconstruct(small_series / "images", target, Config())
+    with monkeypatch.context() as patched:
+        replace_run(patched, "match", cut)
+        with pytest.raises(KeyboardInterrupt):
+            reconstruct(small_series / "images", target, Config())
     assert json.loads((target / "run.json").read_text())["stages"]["match"]["status"] == "running"
-    monkeypatch.setattr(stages, "match", original)
     spy = Spy(monkeypatch)
     reconstruct(small_series / "images", target, Config())
     assert "extract" not in spy.ran

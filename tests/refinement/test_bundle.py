@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.geometry.eliminated import SolverOptions
+from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 from tests.alignment import best_hand_errors_deg
@@ -48,10 +49,14 @@ def test_exact_data_are_fitted_exactly_by_every_camera_model(model):
     fit = bundle_adjust(
         moved,
         s.observations,
-        camera_model=model,
-        solver=SolverOptions(max_iterations=60, cost_tolerance=1e-14),
+        BundleSettings(
+            camera_model=model, solver=SolverOptions(max_iterations=60, cost_tolerance=1e-14)
+        ),
     )
-    assert best_hand_errors_deg(fit.value[0].cam_from_world, s.cameras.cam_from_world).max() < 1e-4
+    assert (
+        best_hand_errors_deg(fit.value.cameras.cam_from_world, s.cameras.cam_from_world).max()
+        < 1e-4
+    )
     assert fit.costs[-1] < 1e-6
 
 
@@ -62,8 +67,8 @@ def test_a_scale_prior_ties_the_magnifications_together():
     )
     spread = {}
     for sigma in (1e-6, 1e-1):
-        fit = bundle_adjust(s.cameras, s.observations, scale_sigma=sigma, sigma_px=0.3)
-        spread[sigma] = np.std(np.log(fit.value[0].scale_px_per_unit))
+        fit = bundle_adjust(s.cameras, s.observations, BundleSettings(scale_sigma=sigma))
+        spread[sigma] = np.std(np.log(fit.value.cameras.scale_px_per_unit))
     assert spread[1e-6] < 2e-4
     true = np.std(np.log(s.cameras.scale_px_per_unit))
     assert 0.95 * true < spread[1e-1] < 1.05 * true

@@ -4,6 +4,7 @@ import pytest
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.mapping.parts import map_observations
 from semsfm_colmap.motion.prior import TiltPrior
+from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
 from semsfm_colmap.refinement.known_angles import angle_prior
 from semsfm_colmap.refinement.options import RefinementOptions
@@ -53,11 +54,10 @@ def test_right_angles_make_a_small_tilt_accurate():
             fit = bundle_adjust(
                 s.cameras,
                 s.observations,
-                sigma_px=0.5,
-                scale_sigma=0.001,
+                BundleSettings(sigma_px=0.5, scale_sigma=0.001),
                 angles=angle_prior(*known(s)) if use else None,
             )
-            R = fit.value[0].cam_from_world
+            R = fit.value.cameras.cam_from_world
             errors[use].append(np.median(best_hand_errors_deg(R, s.cameras.cam_from_world)))
     assert np.mean(errors[True]) < 0.8 * np.mean(errors[False])
 
@@ -92,9 +92,9 @@ def test_a_table_is_used_when_the_images_agree_and_named_when_they_do_not(factor
         refinement=RefinementOptions(),
         tilt=prior,
     )
-    figures = result.value[0].diagnostics
-    assert figures["tilt_prior"]["consistent"] is used
-    assert any("the angles changed by" in n for n in figures["notes"]) is used
+    figures = result.value[0].figures
+    assert figures.diagnostics.tilt.consistent is used
+    assert any("the angles changed by" in n for n in figures.notes) is used
     R = result.value[0].reconstruction.cameras.cam_from_world
     assert best_hand_errors_deg(R, s.cameras.cam_from_world).max() < 0.2
 

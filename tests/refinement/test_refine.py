@@ -3,19 +3,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semsfm_colmap.refinement.bundle import bundle_adjust
-from semsfm_colmap.refinement.covariance import estimate_covariance
+from semsfm_colmap.refinement.adjustment import BundleSettings
+from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import refine, registered_images
 from semsfm_colmap.refinement.resection import resect
+from semsfm_colmap.refinement.trust import covariance_of
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 from tests.alignment import best_hand_errors_deg
 
 
 def refined(s, **options):
     """From slightly wrong cameras, as the factorization leaves them."""
-    from semsfm_colmap.refinement.bundle import BundleModel
-
     rng = np.random.default_rng(0)
     model = BundleModel.build(
         len(s.cameras), free_scale=False, free_affine=False, scale_sigma=1, affine_sigma=1
@@ -76,7 +75,9 @@ def test_the_last_adjustment_ends_at_the_minimum_of_plain_squares():
     turns = {}
     for loss in ("squared", "cauchy"):
         fit = refined(s, last_loss=loss).value
-        squares = bundle_adjust(fit.cameras, fit.observations, sigma_px=fit.sigma_px).value[0]
+        squares = bundle_adjust(
+            fit.cameras, fit.observations, BundleSettings(sigma_px=fit.sigma_px)
+        ).value.cameras
         change = best_hand_errors_deg(squares.cam_from_world, fit.cameras.cam_from_world)
         turns[loss] = np.max(change)
     assert turns["squared"] < 1e-3
@@ -118,7 +119,7 @@ def test_error_bars_of_the_rotations_are_true_from_both_sides():
             rng=np.random.default_rng(seed),
         )
         fit = refined(s).value
-        C = estimate_covariance(fit.model, fit.state, fit.observations, 0.3).value
+        C = covariance_of(fit, np.full(8, 1000.0), 0.0)
         error = np.deg2rad(
             best_hand_errors_deg(fit.cameras.cam_from_world, s.cameras.cam_from_world)
         )

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import BundleModel
 from semsfm_colmap.refinement.model_choice import DRIFT_RUNG, compare_models
 from semsfm_colmap.refinement.scan_drift import ScanDriftModel, adjust_with_drift, without_drift
@@ -67,21 +68,21 @@ def test_derivatives_agree_with_finite_differences():
 
 
 def adjusted(s, **options):
-    defaults = {"drift_sigma_px": 1.0, "scale_sigma": 0.001, "sigma_px": 0.3}
-    return adjust_with_drift(
-        s.cameras, s.observations, np.full(len(s.cameras), HEIGHT), **{**defaults, **options}
-    )
+    settings = BundleSettings(**{"drift_sigma_px": 1.0, **options})
+    fit = adjust_with_drift(
+        s.cameras, s.observations, np.full(len(s.cameras), HEIGHT), settings
+    ).value
+    return fit.state.params
 
 
 def test_a_simulated_drift_is_found_and_the_poses_gain_by_it():
     true = np.random.default_rng(2).normal(size=(16, 2)) * 1.0
     s = with_drift(scene(), true)
-    fit = adjusted(s)
-    cameras, drift = fit.value
+    cameras, drift = adjusted(s)
     # a drift common to all frames is an aspect and a skew of all
     rest = (drift - drift.mean(axis=0)) - (true - true.mean(axis=0))
     assert np.sqrt(np.mean(rest**2)) < 0.35 * np.sqrt(np.mean(true**2))
-    without = adjusted(s, drift_sigma_px=1e-6).value[0]
+    without = adjusted(s, drift_sigma_px=1e-6)[0]
     truth = s.cameras.cam_from_world
     with_it = np.median(best_hand_errors_deg(cameras.cam_from_world, truth))
     assert with_it < np.median(best_hand_errors_deg(without.cam_from_world, truth))
@@ -90,9 +91,9 @@ def test_a_simulated_drift_is_found_and_the_poses_gain_by_it():
 def test_without_drift_the_rung_costs_nothing_and_a_tight_prior_is_the_plain_model():
     s = scene()
     truth = s.cameras.cam_from_world
-    plain, zero = adjusted(s, drift_sigma_px=1e-6).value
+    plain, zero = adjusted(s, drift_sigma_px=1e-6)
     assert np.abs(zero).max() < 1e-6
-    cameras, drift = adjusted(s, drift_sigma_px=0.5).value
+    cameras, drift = adjusted(s, drift_sigma_px=0.5)
     assert np.sqrt(np.mean(drift**2)) < 0.15
     error = [
         np.sqrt(np.mean(best_hand_errors_deg(c.cam_from_world, truth) ** 2))
@@ -107,9 +108,7 @@ def test_the_ladder_names_drift_where_there_is_some(size_px, wins):
     comparison = compare_models(
         s.cameras,
         s.observations,
-        scale_sigma=0.001,
-        affine_sigma=0.003,
-        sigma_px=0.3,
+        BundleSettings(drift_sigma_px=0.5),
         height_px=np.full(16, HEIGHT),
     )
     assert (comparison.best == DRIFT_RUNG) is wins

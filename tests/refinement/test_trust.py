@@ -7,10 +7,11 @@ from semsfm_colmap.factorization.blocks import select_blocks
 from semsfm_colmap.factorization.degeneracy import diagnose_rank
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.geometry.subset import keep_tracks
+from semsfm_colmap.geometry.subset import keep_tracks, take_subset
 from semsfm_colmap.mapping import parts as mapping
 from semsfm_colmap.mapping.parts import map_observations
 from semsfm_colmap.motion.prior import TiltPrior
+from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import compare_models, held_out_mask
 from semsfm_colmap.refinement.options import RefinementOptions
@@ -149,14 +150,14 @@ def test_a_repeated_picture_is_named_and_the_rest_goes_on():
     repeated = mapped(replace(obs, xy=xy))
     assert repeated.value[0].reconstruction.num_images == 5
     assert repeated.status == "duplicated_image"
-    assert any("2.png = 3.png" in n for n in repeated.value[0].diagnostics["notes"])
+    assert any("2.png = 3.png" in n for n in repeated.value[0].figures.notes)
 
 
 def test_an_image_without_tracks_is_named_and_the_rest_goes_on():
     obs = field().observations
     lost = mapped(obs.select(obs.image_idx != 4))
     assert lost.status == "image_without_tracks"
-    assert any("no track with any other: 4.png" in n for n in lost.value[0].diagnostics["notes"])
+    assert any("no track with any other: 4.png" in n for n in lost.value[0].figures.notes)
     names = lost.value[0].reconstruction.image_names
     assert names == tuple(f"{i}.png" for i in range(8) if i != 4)
 
@@ -194,7 +195,7 @@ def test_a_total_tilt_of_one_degree_has_its_own_sentence_where_the_relief_is_dee
     # the tilt is seen in second order: at twice as much the shape comes out, with a warning
     wanted = mapped(observations_of(deep, tilts([0, 0.6, 1.4, 2.0]), SHIFTS))
     assert wanted.status == "small_rotation"
-    notes = wanted.value[0].diagnostics["notes"]
+    notes = wanted.value[0].figures.notes
     assert any("total rotation is only" in n for n in notes)
 
 
@@ -204,8 +205,7 @@ def test_rank_diagnosis_sees_depth_where_there_is_some():
 
 
 def ladder(s, **options):
-    defaults = {"scale_sigma": 0.001, "affine_sigma": 0.003, "sigma_px": 0.3}
-    return compare_models(s.cameras, s.observations, **{**defaults, **options})
+    return compare_models(s.cameras, s.observations, BundleSettings(**options))
 
 
 def test_models_agree_at_a_large_tilt_and_differ_at_a_small_one_with_drifting_magnification():
@@ -223,8 +223,7 @@ def test_models_agree_at_a_large_tilt_and_differ_at_a_small_one_with_drifting_ma
     # with three views nothing can be held out, and the disagreement is said
     obs = drifting.observations
     three = obs.image_idx % 2 == 0
-    number = np.array([0, -1, 1, -1, 2])
-    local, _ = keep_tracks(obs, three, image_number=number)
+    local = take_subset(obs, images=np.array([0, 2, 4]), mask=three).observations
     few = replace(
         drifting, observations=local, cameras=drifting.cameras.select(np.array([0, 2, 4]))
     )
@@ -248,44 +247,34 @@ def test_at_most_one_observation_of_a_long_track_is_held_out():
 
 def test_leaving_one_out_shows_an_image_that_drags_the_others():
     s = field(num_images=6)
-    calm = leave_one_out(
-        s.cameras,
-        s.observations,
-        camera_model="scaled_orthographic",
-        scale_sigma=0.001,
-        affine_sigma=0.003,
-        sigma_px=0.3,
-    )
+    calm = leave_one_out(s.cameras, s.observations, BundleSettings())
     # image 2 sheared by one percent
     xy = np.array(s.observations.xy)
     rows = s.observations.image_idx == 2
     xy[rows, 0] += 0.01 * (xy[rows, 1] - 500)
-    bad = leave_one_out(
-        s.cameras,
-        replace(s.observations, xy=xy),
-        camera_model="scaled_orthographic",
-        scale_sigma=0.001,
-        affine_sigma=0.003,
-        sigma_px=0.3,
-    )
+    bad = leave_one_out(s.cameras, replace(s.observations, xy=xy), BundleSettings())
     assert calm.jackknife_deg < 0.1
     assert bad.change_deg[2] > 3 * calm.change_deg[2]
-    assert (
-        leave_one_out(
-            s.cameras.select(np.arange(3)),
-            s.observations,
-            camera_model="orthographic",
-            scale_sigma=0.001,
-            affine_sigma=0.003,
-            sigma_px=0.3,
-        )
-        is None
-    )
+    three = s.cameras.select(np.arange(3))
+    assert leave_one_out(three, s.observations, BundleSettings()) is None
+
+
+def test_an_image_that_cannot_be_left_out_does_not_shift_the_labels_of_the_others():
+    s = field(num_images=8)
+    obs = s.observations
+    # tracks of the last image reach one other image only
+    keep = (obs.image_idx != 7) | (obs.track_idx < 40)
+    keep &= ~((obs.track_idx < 40) & ~np.isin(obs.image_idx, (6, 7)))
+    s = replace(s, observations=keep_tracks(obs, keep, min_length=2)[0])
+    found = leave_one_out(s.cameras, s.observations, BundleSettings())
+    # without image 6 image 7 is not seen twice by any track, so that image 6 is not left out
+    assert found.images.tolist() == [0, 1, 2, 3, 4, 5, 7]
+    assert len(found.change_deg) == 7
 
 
 def test_a_series_that_hangs_together_weakly_says_so(monkeypatch):
     obs = field().observations
-    said = [mapped(obs).value[0].diagnostics["notes"]]
+    said = [mapped(obs).value[0].figures.notes]
     monkeypatch.setattr(mapping, "WEAK_GAP", np.inf)
-    said.append(mapped(obs).value[0].diagnostics["notes"])
+    said.append(mapped(obs).value[0].figures.notes)
     assert [any("weakly" in n for n in notes) for notes in said] == [False, True]

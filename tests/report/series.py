@@ -5,19 +5,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.report.inputs import PairStatistics, ReportInputs
+from semsfm_colmap.records import (
+    FilteringRound,
+    GuidedFigures,
+    ModelEntry,
+    PairStatistics,
+    Reliability,
+    Rung,
+)
+from semsfm_colmap.report.image_statistics import PoseMetrics
+from semsfm_colmap.report.inputs import ReportInputs, StageUsage
+from semsfm_colmap.report.metrics import Metrics
 from semsfm_colmap.types import (
     DepthSign,
     Float,
     Observations,
     OrthographicCameras,
+    PointCloud,
     Reconstruction,
     SemFrame,
+    SemMetadata,
     SemSeries,
     TriangleMesh,
 )
@@ -146,4 +158,97 @@ def empty_reconstruction(num_images: int = 0) -> Reconstruction:
         ),
         inlier=np.zeros(0, dtype=np.bool_),
         depth_sign=DepthSign(status="ambiguous", confidence=0.5),
+    )
+
+
+def written(
+    kind: Literal["model", "twin"] = "model", *, max_deviation_px: float = 0.01
+) -> ModelEntry:
+    """A model below sparse/, as the map stage records it."""
+    return ModelEntry(
+        model="sparse/0" if kind == "model" else "sparse/1",
+        part=0,
+        kind=kind,
+        num_images=0,
+        images=(),
+        num_points=0,
+        focal_length_px=1e6,
+        max_deviation_px=max_deviation_px,
+    )
+
+
+def filtering_round(num_observations: int, threshold_px: float = 8.0) -> FilteringRound:
+    """A round that left so many observations."""
+    return FilteringRound(
+        threshold_px=threshold_px,
+        num_observations=num_observations,
+        num_points=7,
+        num_images=3,
+        sigma_px=0.4,
+        rms_px=0.5,
+    )
+
+
+def poses(metrics: Metrics) -> list[PoseMetrics]:
+    """What is known of the registered images, in acquisition order."""
+    return [image.pose for image in metrics.per_image if image.pose is not None]
+
+
+def full_inputs() -> ReportInputs:
+    """Inputs in which nothing is missing."""
+    rec = make_reconstruction(
+        np.arange(6) * 4.0,
+        sigma_rotation_rad=np.full((6, 3), 1e-4),
+        sigma_translation_px=np.full((6, 2), 0.02),
+        sigma_scale=np.full(6, 1e-4),
+        point_covariance=np.tile(0.01 * np.eye(3), (400, 1, 1)),
+    )
+    pairs = chain_of_pairs([*rec.image_names])
+    inputs = make_inputs(
+        rec,
+        names=[*rec.image_names, "lost.png"],
+        pairs=(*pairs, replace(pairs[0], failure="no overlap")),
+        stages=(StageUsage(name="match", seconds=1.5, peak_memory_mb=200.0),),
+        rounds=(filtering_round(100), filtering_round(90, 4.0)),
+        guided=guided_figures(),
+        reliability=reliability_figures(),
+        models=(written(),),
+        mesh=cube(),
+        cloud=PointCloud(points=np.zeros((3, 3))),
+        versions={"numpy": "2.0"},
+    )
+    frames = tuple(
+        replace(frame, metadata=SemMetadata(tilt_rad=0.1 * k))
+        for k, frame in enumerate(inputs.series.frames)
+    )
+    return replace(inputs, series=SemSeries(frames=frames))
+
+
+def guided_figures() -> GuidedFigures:
+    """A guided pass that doubled the observations."""
+    return GuidedFigures(
+        num_passes=4,
+        high_pass_px=2.0,
+        num_places=51234,
+        num_found=23456,
+        num_observations_before=12000,
+        num_observations=24001,
+        mean_track_length_before=7.1,
+        mean_track_length=13.8,
+        sigma_before_px=0.372,
+        sigma_px=0.161,
+        largest_drift_px=0.418,
+    )
+
+
+def reliability_figures() -> Reliability:
+    """A model that every rung of the ladder agrees on."""
+    rung = Rung(name="orthographic", range_deg=20.0, bic=100.0, held_out_px=None, num_parameters=30)
+    return Reliability(
+        total_rotation_deg=20.0,
+        total_rotation_sigma_deg=0.01,
+        depth_uncertainty=0.001,
+        best_model="orthographic",
+        models=(rung,),
+        drift_px={"frame_000.png": (0.1, -0.2)},
     )

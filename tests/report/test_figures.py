@@ -6,6 +6,7 @@ import pytest
 from semsfm_colmap.report.figure_style import gather
 from semsfm_colmap.report.figures import FIGURES, draw_figures
 from semsfm_colmap.report.figures_visibility import visibility_raster
+from semsfm_colmap.report.inputs import StageUsage
 from semsfm_colmap.report.metrics import compute_metrics
 from semsfm_colmap.report.options import ReportOptions
 from tests.report.series import (
@@ -29,7 +30,14 @@ def inputs_of(num_images, **changes):
     return make_inputs(
         rec,
         pairs=chain_of_pairs(rec.image_names),
-        stage_times={"extract": 30.0, "a very long name of a stage": 0.01, "match": 61.0},
+        stages=tuple(
+            StageUsage(name=name, seconds=seconds)
+            for name, seconds in (
+                ("extract", 30.0),
+                ("a very long name of a stage", 0.01),
+                ("match", 61.0),
+            )
+        ),
     )
 
 

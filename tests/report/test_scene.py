@@ -72,7 +72,7 @@ def test_the_scene_opens_as_in_the_first_image():
     scene = build_scene(make_inputs(REC))
     assert scene is not None
     camera = scene.layout["scene"]["camera"]
-    assert camera == scene.views[FIRST_VIEW]["camera"]
+    assert camera == scene.views[FIRST_VIEW].camera
     assert camera["projection"] == {"type": "orthographic"}
     eye, up = vector(camera["eye"]), vector(camera["up"])
     shown = points_of(scene.data[0]).astype(np.float64)
@@ -116,13 +116,13 @@ def test_every_part_has_its_switch_and_starts_as_the_switch_says():
     cloud = PointCloud(points=np.array(REC.points) * 1.01)
     scene = build_scene(make_inputs(REC, mesh=cube(), cloud=cloud))
     assert scene is not None
-    labels = [switch["label"] for switch in scene.switches]
+    labels = [switch.label for switch in scene.switches]
     assert labels == ["points", "dense cloud", "mesh", "cameras", "axes"]
-    traces = [k for switch in scene.switches for k in switch["traces"]]
+    traces = [k for switch in scene.switches for k in switch.traces]
     assert traces == list(range(len(scene.data)))
     for switch in scene.switches:
-        for k in switch["traces"]:
-            assert scene.data[k].get("visible", True) == switch["on"]
+        for k in switch.traces:
+            assert scene.data[k].get("visible", True) == switch.on
 
 
 def test_points_and_faces_are_thinned_to_the_limits():
@@ -137,7 +137,7 @@ def test_points_and_faces_are_thinned_to_the_limits():
 def test_a_mesh_alone_is_shown():
     scene = build_scene(make_inputs(empty_reconstruction(0), mesh=cube()))
     assert scene is not None
-    assert [s["label"] for s in scene.switches if s["on"]] == ["mesh", "axes"]
+    assert [s.label for s in scene.switches if s.on] == ["mesh", "axes"]
 
 
 def test_nothing_makes_no_scene():

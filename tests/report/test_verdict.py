@@ -4,12 +4,22 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.motion.check import check_tilt
+from semsfm_colmap.motion.prior import TiltPrior
+from semsfm_colmap.records import TiltAgreement
 from semsfm_colmap.report.metrics import compute_metrics
-from semsfm_colmap.report.verdict import count, fixed, judge, number, percent
+from semsfm_colmap.report.verdict import judge
 from semsfm_colmap.types import DepthSign, SemMetadata, SemSeries
-from tests.report.series import cube, empty_reconstruction, make_inputs, make_reconstruction
+from tests.report.series import (
+    cube,
+    empty_reconstruction,
+    make_inputs,
+    make_reconstruction,
+    written,
+)
 
 ANGLES = np.arange(10) * 4.0
+BOTH = (written(), written("twin"))
 
 
 def verdict(reconstruction, **more):
@@ -33,19 +43,60 @@ def test_a_sound_series_leaves_no_doubt_and_says_its_facts():
     assert "12 faces in 1 component" in text
 
 
+def with_tilts(angles, slope, sigma_deg):
+    """Inputs with recorded tilts that the images contradict by a slope, as mapping judges them."""
+    rec = make_reconstruction(angles)
+    inputs = make_inputs(rec)
+    tilts = np.deg2rad(np.asarray(angles) / slope)
+    frames = tuple(
+        replace(frame, metadata=SemMetadata(tilt_rad=tilt))
+        for frame, tilt in zip(inputs.series.frames, tilts, strict=True)
+    )
+    prior = TiltPrior(
+        image_names=rec.image_names,
+        angle_rad=tilts,
+        sigma_rad=np.full(len(tilts), np.deg2rad(sigma_deg)),
+        axis_image_rad=None,
+        source="a table",
+    )
+    check = check_tilt(prior, rec.image_names, rec.cameras.cam_from_world)
+    tilt = TiltAgreement(
+        source=prior.source,
+        consistent=check.consistent,
+        factor=check.factor,
+        tolerance=check.tolerance,
+    )
+    return replace(inputs, series=SemSeries(frames=frames), tilt=tilt)
+
+
 @pytest.mark.parametrize(("slope", "agrees"), [(1.0, True), (1.02, True), (0.835, False)])
 def test_recorded_tilts_that_the_images_contradict_are_doubted(slope, agrees):
-    inputs = make_inputs(make_reconstruction(ANGLES))
-    frames = tuple(
-        replace(frame, metadata=SemMetadata(tilt_rad=np.deg2rad(tilt / slope)))
-        for frame, tilt in zip(inputs.series.frames, ANGLES, strict=True)
-    )
-    result = judge(compute_metrics(replace(inputs, series=SemSeries(frames=frames))))
+    result = judge(compute_metrics(with_tilts(ANGLES, slope, sigma_deg=0.2)))
     follows = [fact for fact in result.facts if "follow the recorded tilt" in fact]
     assert len(follows) == agrees
     assert len(result.doubts) == (not agrees)
     if not agrees:
         assert "turned 0.8350 times as far as the recorded tilts say" in result.doubts[0]
+
+
+def test_the_report_does_not_contradict_what_mapping_said_of_the_tilts():
+    # over 20 degrees the images alone would tell 3 %, a stage with a sigma of 0.5 leaves 10 open
+    inputs = with_tilts([-10.0, -5.0, 0.0, 5.0, 10.0], slope=1.06, sigma_deg=0.5)
+    assert inputs.tilt.consistent
+    assert inputs.tilt.tolerance == pytest.approx(0.104, abs=1e-3)
+    metrics = compute_metrics(inputs)
+    assert metrics.rotation.stage_tilt.slope == pytest.approx(1.06)
+    assert metrics.rotation.stage_tilt.agrees is True
+    result = judge(metrics)
+    assert any("follow the recorded tilt with a slope of 1.060" in fact for fact in result.facts)
+    assert not any("recorded tilts" in doubt for doubt in result.doubts)
+
+
+def test_tilts_that_mapping_did_not_compare_are_neither_followed_nor_doubted():
+    inputs = replace(with_tilts(ANGLES, slope=0.835, sigma_deg=0.2), tilt=None)
+    result = judge(compute_metrics(inputs))
+    assert result.doubts == ()
+    assert any("Against the recorded tilt, by which they were not" in fact for fact in result.facts)
 
 
 def test_a_full_turn_is_named():
@@ -58,7 +109,7 @@ def test_an_ambiguous_sign_is_doubted_with_its_evidence_and_twin():
     sign = DepthSign(
         status="ambiguous", confidence=0.6, evidence={"visibility": 0.6}, message="Say the tilt."
     )
-    doubt = only_doubt(make_reconstruction(ANGLES, depth_sign=sign), twin_written=True)
+    doubt = only_doubt(make_reconstruction(ANGLES, depth_sign=sign), models=BOTH)
     for part in ("ambiguous", "60.0\u202f%", "visibility", "sparse/1", "Say the tilt."):
         assert part in doubt
 
@@ -87,7 +138,7 @@ def test_the_evidence_of_the_hand_is_said_once_and_a_users_word_beside_it():
         message="visibility does not decide the hand (confidence 0.500: near side 0.500); both "
         "models are written; your word would settle it",
     )
-    doubt = only_doubt(make_reconstruction(ANGLES, depth_sign=open_), twin_written=True)
+    doubt = only_doubt(make_reconstruction(ANGLES, depth_sign=open_), models=BOTH)
     assert "Visibility does not decide the hand; both models" in doubt
 
 
@@ -162,42 +213,11 @@ def test_a_pixel_size_that_contradicts_the_scale_is_doubted():
 
 
 def test_a_near_pinhole_is_doubted():
-    telecentric = {"focal_length_px": 1e4, "max_deviation_px": 3.0}
-    assert "3.00 px" in only_doubt(make_reconstruction(ANGLES), telecentric=telecentric)
+    near = written(max_deviation_px=3.0)
+    assert "3.00 px" in only_doubt(make_reconstruction(ANGLES), models=(near,))
 
 
 @pytest.mark.parametrize("num_images", [0, 1, 3])
 def test_nothing_reconstructed_is_said_so(num_images):
     result = verdict(empty_reconstruction(num_images), names=["a", "b", "c"])
     assert any("There are no points" in doubt for doubt in result.doubts)
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (None, "–"),
-        (0.0, "0"),
-        (3, "3"),
-        (1234567, "1\u202f234\u202f567"),
-        (0.42649, "0.426"),
-        (-12.345, "−12.3"),
-        (64655.2, "64\u202f700"),
-        (2.3e-6, "2.30e−06"),
-    ],
-)
-def test_numbers_are_written_for_people(value, text):
-    assert number(value) == text
-
-
-def test_percentages_are_not_rounded_up_to_certainty():
-    assert percent(0.9999) == "> 99.9\u202f%"
-    assert percent(1.0) == "100.0\u202f%"
-    assert percent(0.1234) == "12.3\u202f%"
-
-
-def test_counts_and_fixed_decimals():
-    assert count(1, "image") == "1 image"
-    assert count(0, "image") == "0 images"
-    assert fixed(-0.001, 2) == "0.00"
-    assert fixed(-0.126, 2) == "−0.13"
-    assert fixed(None, 2) == "–"

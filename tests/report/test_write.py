@@ -6,6 +6,7 @@ import pytest
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.report import figures, write
 from semsfm_colmap.report.metrics import compute_metrics
+from semsfm_colmap.report.metrics_json import metrics_json
 from semsfm_colmap.report.options import ReportOptions
 from semsfm_colmap.report.write import write_report
 from tests.report.series import chain_of_pairs, make_inputs, make_reconstruction
@@ -24,13 +25,16 @@ def inputs(num_images=4, **more):
     return make_inputs(make_reconstruction(np.arange(num_images) * 6.0), **more)
 
 
+def read(folder):
+    return json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+
+
 def test_the_folder_holds_page_metrics_and_figures(tmp_path):
     given = inputs()
     metrics = write_report(given, tmp_path / "deep" / "report", OPTIONS)
     folder = tmp_path / "deep" / "report"
     assert {p.name for p in folder.iterdir()} == {"report.html", "metrics.json", "figures"}
-    assert metrics == compute_metrics(given)
-    assert json.loads((folder / "metrics.json").read_text(encoding="utf-8")) == metrics
+    assert read(folder) == metrics_json(metrics) == metrics_json(compute_metrics(given))
     names = {p.name for p in (folder / "figures").iterdir()}
     assert {"rotation.png", "visibility.png", "scene.png"} <= names
     assert "matches.png" not in names
@@ -43,8 +47,8 @@ def test_a_second_report_replaces_the_first_and_leaves_other_files_alone(tmp_pat
     assert (tmp_path / "figures" / "matches.png").exists()
     (tmp_path / "my notes.txt").write_text("mine")
     metrics = write_report(inputs(5), tmp_path, OPTIONS)
-    assert metrics["images"]["num_given"] == 5
-    assert json.loads((tmp_path / "metrics.json").read_text(encoding="utf-8")) == metrics
+    assert metrics.images.num_given == 5
+    assert read(tmp_path) == metrics_json(metrics)
     assert not (tmp_path / "figures" / "matches.png").exists()
     assert (tmp_path / "my notes.txt").read_text() == "mine"
     assert len(list(tmp_path.iterdir())) == 4

@@ -70,6 +70,14 @@ def read_pinhole_model(
         There is no model, fewer than three points, or its cameras are not parallel to
         `max_deviation_px`.
 
+    Examples
+    --------
+    >>> reading = read_pinhole_model("project/sparse/0")
+    >>> reading.reconstruction.num_images
+    11
+    >>> bool(reading.max_deviation_px < 0.02)
+    True
+
     """
     path = Path(path)
     model = open_model(path)

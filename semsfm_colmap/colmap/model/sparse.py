@@ -67,8 +67,8 @@ def model_deviation(model: Any, reconstruction: Reconstruction) -> float:
 
 def build_model(
     reconstruction: Reconstruction,
-    database_images: dict[str, DatabaseImage],
-    keypoints: dict[str, Float],
+    database_images: Mapping[str, DatabaseImage],
+    keypoints: Mapping[str, Float],
     focal_length_px: float,
 ) -> Any:
     """A pycolmap.Reconstruction with the telecentric pinhole; image ids are the database's."""
@@ -120,8 +120,8 @@ def build_model(
 def write_model(
     reconstruction: Reconstruction,
     path: Path,
-    database_images: dict[str, DatabaseImage],
-    keypoints: dict[str, Float],
+    database_images: Mapping[str, DatabaseImage],
+    keypoints: Mapping[str, Float],
     options: ExportOptions,
     *,
     reliability: Mapping[str, Any] | None = None,
@@ -166,6 +166,16 @@ def read_model(path: Path) -> Reconstruction:
     """Read what `write_model` wrote: cameras from the sidecar, the rest from COLMAP's files.
 
     The inliers of the model are its observations; what the mapping rejected is not in it.
+
+    Examples
+    --------
+    >>> model = read_model(Path("project/sparse/0"))
+    >>> model.num_images, model.world_unit, model.points.shape[1]
+    (11, 'um', 3)
+    >>> residuals = model.residuals()[model.inlier]  # (O, 2) px
+    >>> bool(np.sqrt(np.mean(residuals**2)) < 0.2)
+    True
+
     """
     if not (path / "points3D.bin").is_file() and not (path / "points3D.txt").is_file():
         raise InputError(f"{path} holds no COLMAP model: run `semsfm map` first")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from semsfm_colmap.geometry.pixel_noise import noise_level
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.types import Array
 
@@ -31,17 +32,6 @@ def prepare_pixels(grey: Array, options: IngestOptions) -> Array:
     if options.local_contrast > 0:
         grey = _evened(grey, options.local_contrast)
     return grey
-
-
-def noise_level(grey: Array) -> float:
-    """Standard deviation of the pixel noise, from the diagonal differences [Immerkaer 1996]."""
-    import cv2
-
-    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
-    response = np.abs(cv2.filter2D(grey.astype(np.float32), -1, kernel))
-    # The median resists texture; a Gaussian's median absolute value is 0.6745 sigma, the kernel
-    # has norm 6.
-    return float(np.median(response)) / (0.6745 * 6.0)
 
 
 def _denoised(grey: Array, method: str) -> Array:

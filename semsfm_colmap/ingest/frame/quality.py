@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semsfm_colmap.ingest.frame.pixels import noise_level
+from semsfm_colmap.geometry.pixel_noise import noise_level
 from semsfm_colmap.types import Array
 
 FINE = (1.0, 2.0)

@@ -12,11 +12,12 @@ from semsfm_colmap.ingest.inspect.overlap import Overlap
 from semsfm_colmap.ingest.series.checks import MIN_IMAGES
 from semsfm_colmap.ingest.series.pixel_size import SAME_MAGNIFICATION
 from semsfm_colmap.io.wording import abbreviate
+from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 
 GOOD_IMAGES = 5
 """Three views determine a shape but cannot be checked; from five on errors show."""
-MIN_TILT_DEG, GOOD_TILT_DEG = 5.0, 15.0
-"""Below some 15 degrees a change of magnification mimics a change of the angle."""
+MIN_TILT_DEG = 5.0
+"""Below this the tilt drowns in any change of magnification."""
 MAX_STEP_DEG = 12.0
 """SIFT finds a fifth of the 5-degree matches on rough surfaces at 20 degrees."""
 MIN_PARALLAX_PART = 1.2e-3
@@ -102,9 +103,10 @@ def _enough_tilt(
         if spread < MIN_TILT_DEG:
             return Answer(
                 question=question, answer="no",
-                reason=f"{spread:.1f} degrees in all{of}; {GOOD_TILT_DEG:.0f} or more are wanted",
+                reason=f"{spread:.1f} degrees in all{of}; {SMALL_ROTATION_DEG:.0f} or more are "
+                "wanted",
             )  # fmt: skip
-        if spread < GOOD_TILT_DEG:
+        if spread < SMALL_ROTATION_DEG:
             return Answer(
                 question=question, answer="just",
                 reason=f"{spread:.1f} degrees in all{of}: depths will depend on the tilts recorded "

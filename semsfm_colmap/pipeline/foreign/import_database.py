@@ -15,30 +15,31 @@ import os
 import time
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from semsfm_colmap.config import Config, options_key
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.pipeline.executor import ThreadExecutor
 from semsfm_colmap.pipeline.foreign.map_database import (
     PAIRS_IN_MEMORY,
     size_on_disk,
     verify_database,
 )
 from semsfm_colmap.pipeline.project import Project, locked
-from semsfm_colmap.pipeline.record import RunRecord, hash_file, hash_text, peak_memory_mb
+from semsfm_colmap.pipeline.record import RunRecord, StageEntry, hash_file, hash_text
+from semsfm_colmap.pipeline.registry import stages_after
 from semsfm_colmap.pipeline.reporter import Reporter
-from semsfm_colmap.pipeline.runner import STAGE_NAMES, product_key, run_stages
-from semsfm_colmap.pipeline.stages.all import read_project_series
-from semsfm_colmap.pipeline.two_view import pair_statistics, stored_geometry
+from semsfm_colmap.pipeline.runner import run_stages
+from semsfm_colmap.records import ExtractRecord, MatchRecord, PairStatistics
 from semsfm_colmap.types import Array, Float, SemFrame, SemSeries
 
 if TYPE_CHECKING:
     from semsfm_colmap.colmap.database.reader import DatabaseReader, StoredImage
 
-REPLACED = ("ingest", "extract", "match")
-"""The stages that are run or replaced here; the others follow."""
+LAST_REPLACED = "match"
+"""The stages up to this one are run or replaced here; the others follow."""
 
 
 def reconstruct_from_database(
@@ -80,8 +81,9 @@ def reconstruct_from_database(
             import_database(project, image_path, database_path, key, config, reporter, force=force)
         finally:
             reporter.close()
-    names = [name for name in STAGE_NAMES if name not in REPLACED]
-    return run_stages(project.path, config, names=names, reporter=reporter, force=force)
+    return run_stages(
+        project.path, config, names=stages_after(LAST_REPLACED), reporter=reporter, force=force
+    )
 
 
 def hash_database(path: Path) -> str:
@@ -108,7 +110,7 @@ def import_database(
     from semsfm_colmap.colmap.database.scratch import database_aside
 
     record = RunRecord.read(project.record)
-    ingested = product_key(record, "ingest", "")
+    ingested = record.entry("ingest").for_later_stages
     key = hash_text("import", ingested, database_key)
     match_key = hash_text(key, str(config.seed), options_key(config.matching))
     done = record.is_done("extract", key) and record.is_done("match", match_key)
@@ -117,30 +119,19 @@ def import_database(
         return
     reporter.log_to(project.log)
     for name, stage_key in (("extract", key), ("match", match_key)):
-        record.stages[name] = {"status": "running", "key": stage_key}
+        record.stages[name] = StageEntry(status="running", key=stage_key)
     record.write()
-    series = read_project_series(project)
+    series = project.read_series()
     with database_aside(project.database) as aside, read_database(database_path) as reader:
         images = find_images(reader, series, image_path)
         begin = time.monotonic()
-        usable_xy, summary = copy_features(reader, images, series, aside, reporter)
-        record.stages["extract"] = finished(key, begin, summary)
+        usable_xy, extracted = copy_features(reader, images, series, aside, reporter)
+        record.stages["extract"] = StageEntry.done(key, time.monotonic() - begin, extracted)
         begin = time.monotonic()
         ids = [image.image_id for image in images]
-        summary = copy_matches(reader, ids, usable_xy, series, aside, config, reporter)
-        record.stages["match"] = finished(match_key, begin, summary)
+        matched = copy_matches(reader, ids, usable_xy, series, aside, config, reporter)
+        record.stages["match"] = StageEntry.done(match_key, time.monotonic() - begin, matched)
     record.write()
-
-
-def finished(key: str, begin: float, summary: dict[str, Any]) -> dict[str, Any]:
-    """The entry of run.json for a stage that has ended now."""
-    return {
-        "status": "done",
-        "key": key,
-        "seconds": time.monotonic() - begin,
-        "peak_memory_mb": peak_memory_mb(),
-        "summary": summary,
-    }
 
 
 def copy_features(
@@ -149,7 +140,7 @@ def copy_features(
     series: SemSeries,
     target: Path,
     reporter: Reporter,
-) -> tuple[list[Float], dict[str, Any]]:
+) -> tuple[list[Float], ExtractRecord]:
     """Keypoints and descriptors, image by image; positions with nan outside the prepared image."""
     from semsfm_colmap.colmap.database.work import write_features
     from semsfm_colmap.colmap.sift import register_images
@@ -172,10 +163,10 @@ def copy_features(
             progress(k, len(images))
     counts = [len(xy) for xy in usable_xy]
     reporter.say(f"features: {sum(counts)} keypoints of {reader.path}")
-    return usable_xy, {
-        "num_keypoints": dict(zip(series.names, counts, strict=True)),
-        "notes": [f"features and matches are those of {reader.path}"],
-    }
+    return usable_xy, ExtractRecord(
+        num_keypoints=dict(zip(series.names, counts, strict=True)),
+        notes=(f"features and matches are those of {reader.path}",),
+    )
 
 
 def copy_matches(
@@ -186,14 +177,17 @@ def copy_matches(
     target: Path,
     config: Config,
     reporter: Reporter,
-) -> dict[str, Any]:
+) -> MatchRecord:
     """Raw matches as they are, and two-view geometries from their affine verification."""
+    from semsfm_colmap.colmap.database.two_view import stored_geometry
     from semsfm_colmap.colmap.database.work import write_matches, write_two_view_geometries
+    from semsfm_colmap.matching.statistics import pair_statistics
 
     ids = range(1, len(source_ids) + 1)
     raw, verified = {}, {}
-    statistics: list[dict[str, Any]] = []
-    for geometry in verify_database(reader, source_ids, usable_xy, config, reporter):
+    statistics: list[PairStatistics] = []
+    executor = ThreadExecutor(config.num_threads)
+    for geometry in verify_database(reader, source_ids, usable_xy, config, reporter, executor):
         i, j = geometry.image_pair
         raw[ids[i], ids[j]] = geometry.keypoints
         pair, stored = stored_geometry(geometry, ids)
@@ -204,11 +198,11 @@ def copy_matches(
             raw.clear()
     write_matches(target, raw)
     write_two_view_geometries(target, verified)
-    return {
-        "num_pairs": len(statistics),
-        "num_verified_pairs": sum(F is not None for F, _ in verified.values()),
-        "pairs": statistics,
-    }
+    return MatchRecord(
+        num_pairs=len(statistics),
+        num_verified_pairs=sum(F is not None for F, _ in verified.values()),
+        pairs=tuple(statistics),
+    )
 
 
 def find_images(reader: DatabaseReader, series: SemSeries, image_path: Path) -> list[StoredImage]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,10 +16,11 @@ import numpy as np
 
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.pipeline.executor import Executor, ThreadExecutor
 from semsfm_colmap.pipeline.project import MODELS_LOCK_FILE, Project, locked_folder
 from semsfm_colmap.pipeline.reporter import Reporter
-from semsfm_colmap.pipeline.stages.all import threads
-from semsfm_colmap.pipeline.stages.sparse_models import Summary, join_matches, map_series
+from semsfm_colmap.pipeline.sparse_models import MatchedSeries, map_series
+from semsfm_colmap.records import MapRecord
 from semsfm_colmap.types import (
     AffineTwoViewGeometry,
     Bool,
@@ -44,7 +44,7 @@ def map_database(
     *,
     image_path: Path | None = None,
     reporter: Reporter | None = None,
-) -> Summary:
+) -> MapRecord:
     """Cameras and points from any COLMAP database into ``output_path/0, 1, ...``.
 
     Parameters
@@ -55,11 +55,12 @@ def map_database(
 
     Returns
     -------
-    the summary of the mapping, as in run.json
+    MapRecord, the record of the mapping, as in run.json
 
     """
     from semsfm_colmap.colmap.database.reader import read_database
     from semsfm_colmap.colmap.database.work import DatabaseImage
+    from semsfm_colmap.mapping.observations import join_matches
 
     config, reporter = config or Config(), reporter or Reporter(verbosity=-1)
     output_path = Path(output_path)
@@ -74,19 +75,26 @@ def map_database(
         keypoints = [reader.xy(image_id) for image_id in ids]
         matches = {
             g.image_pair: g.keypoints[g.inlier]
-            for g in verify_database(reader, ids, keypoints, config, reporter)
+            for g in verify_database(
+                reader, ids, keypoints, config, reporter, ThreadExecutor(config.num_threads)
+            )
             if g.F is not None
         }
     # the model keeps every keypoint's number; those without a place have no matches by now
     keypoints = [np.nan_to_num(xy, posinf=0.0, neginf=0.0) for xy in keypoints]
     with locked_folder(output_path, MODELS_LOCK_FILE):
-        observations, counts = join_matches(keypoints, matches, config)
+        observations, counts = join_matches(keypoints, matches, config.tracks)
         return map_series(
-            series,
-            dict(zip(series.names, keypoints, strict=True)),
-            {i.name: DatabaseImage(image_id=i.image_id, name=i.name, camera_id=0) for i in images},
-            observations,
-            counts,
+            MatchedSeries(
+                series=series,
+                keypoints=dict(zip(series.names, keypoints, strict=True)),
+                database_images={
+                    i.name: DatabaseImage(image_id=i.image_id, name=i.name, camera_id=0)
+                    for i in images
+                },
+                observations=observations,
+                counts=counts,
+            ),
             config,
             reporter,
             sparse_path=output_path,
@@ -211,6 +219,7 @@ def verify_database(
     keypoints: Sequence[Float],
     config: Config,
     reporter: Reporter,
+    executor: Executor,
 ) -> Iterator[AffineTwoViewGeometry]:
     """Affine two-view geometry of every pair that has matches, few pairs in memory at a time.
 
@@ -239,10 +248,7 @@ def verify_database(
         i, j, rows = jobs[pair]
         return verify_pair((i, j), keypoints[i], keypoints[j], rows, config.matching, config.seed)
 
-    with (
-        reporter.progress("verifying pairs") as progress,
-        ThreadPoolExecutor(threads(config)) as pool,
-    ):
+    with reporter.progress("verifying pairs") as progress:
         num_verified = num_matches = 0
         for begin in range(0, len(pairs), PAIRS_IN_MEMORY):
             chunk = pairs[begin : begin + PAIRS_IN_MEMORY]
@@ -252,7 +258,7 @@ def verify_database(
                 rows = reader.matches((a, b), (len(keypoints[i]), len(keypoints[j]))).matches
                 rows = rows[usable[i][rows[:, 0]] & usable[j][rows[:, 1]]]
                 jobs[a, b] = (i, j, rows) if i < j else (j, i, rows[:, ::-1])
-            for geometry in pool.map(verify, chunk):
+            for geometry in executor.map(verify, chunk):
                 num_verified += geometry.F is not None
                 num_matches += int(geometry.inlier.sum())
                 yield geometry

@@ -40,7 +40,7 @@ from semsfm_colmap.refinement.depth_reversal.cue import (
 )
 from semsfm_colmap.types import Bool, Float, Int, Observations, OrthographicCameras
 
-# Guided by the fit to simulated scenes of scripts/benchmark_depth_sign.py, rounded down where a cue
+# Guided by the fit to simulated scenes of benchmarks/depth_sign, rounded down where a cue
 # is strong; the fit and these are side by side in docs/depth_reversal.md, and why two are above it.
 NEAR_LOGIT_PER_T = 0.35
 BULGE_LOGIT_PER_T = 0.6

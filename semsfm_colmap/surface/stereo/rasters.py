@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.geometry.pixel_noise import quiet_noise_level
 from semsfm_colmap.types import Array, Bool
 
 
@@ -55,7 +56,7 @@ def read_raster(
             raise InputError(f"{mask_file} is not a mask of the size of {path}: delete or redo it.")
         shrunk = cv2.resize((mask > 0).astype(np.float32), target, interpolation=cv2.INTER_AREA)
         usable = shrunk > 0.5
-    return Raster(grey=small, usable=usable, noise=noise_deviation(small))
+    return Raster(grey=small, usable=usable, noise=quiet_noise_level(small))
 
 
 def _read_grey(path: Path) -> Array | None:
@@ -68,22 +69,6 @@ def _read_grey(path: Path) -> Array | None:
     except (OSError, cv2.error):
         return None
     return None if grey is None else np.asarray(grey)
-
-
-def noise_deviation(grey: Array) -> float:
-    """Deviation of the pixel noise (Immerkaer 1996), taken at the quietest tenth of the image.
-
-    The mask [[1, -2, 1], [-2, 4, -2], [1, -2, 1]] removes slopes and edges along x and y; its
-    response to white noise has deviation 6 sigma. Texture responds too: the local means of the
-    response are sorted and the 10 % quantile taken, which is noise wherever the image has some
-    smooth area.
-    """
-    import cv2
-
-    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
-    response = np.abs(cv2.filter2D(grey, cv2.CV_32F, kernel))
-    local = cv2.blur(response, (15, 15))
-    return float(np.sqrt(np.pi / 2.0) / 6.0 * np.quantile(local, 0.1))
 
 
 def raster_reader(

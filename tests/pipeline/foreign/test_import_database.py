@@ -32,6 +32,7 @@ from semsfm_colmap.pipeline.project import Project, locked
 from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.runner import reconstruct, run_stages
+from semsfm_colmap.records import ExtractRecord, MatchRecord
 from semsfm_colmap.types import SemFrame
 from tests.colmap.databases import MAX_IMAGE_ID, SCHEMA_38
 
@@ -104,9 +105,9 @@ def test_a_3_8_database_arrives_whole(
         assert common <= set(b)
         if read is read_matches:
             assert all(set(map(tuple, a[p])) <= set(map(tuple, b[p])) for p in common)
-    assert record.stages["extract"]["status"] == record.stages["match"]["status"] == "done"
-    assert len(record.stages["match"]["summary"]["pairs"]) == 21
-    assert str(old_database) in record.stages["extract"]["summary"]["notes"][0]
+    assert record.entry("extract").status == record.entry("match").status == "done"
+    assert len(record.result("match", MatchRecord).pairs) == 21
+    assert str(old_database) in record.result("extract", ExtractRecord).notes[0]
     assert not list(project.path.glob(".*.part*"))
 
 
@@ -223,4 +224,4 @@ def test_a_whole_reconstruction_from_another_database(old_database, small_series
     # without the other database, features and matches are our own again
     reconstruct(small_series / "images", project)
     stages = json.loads((project / "run.json").read_text())["stages"]
-    assert "notes" not in stages["extract"]["summary"]
+    assert not stages["extract"]["summary"]["notes"]

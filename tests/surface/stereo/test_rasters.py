@@ -11,7 +11,6 @@ import pytest
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.surface.stereo.background import background, uncorrelated_region
 from semsfm_colmap.surface.stereo.rasters import (
-    noise_deviation,
     raster_reader,
     read_raster,
     scaled_size,
@@ -20,14 +19,6 @@ from semsfm_colmap.surface.stereo.rasters import (
 
 def write(path: Path, image: np.ndarray) -> None:
     assert cv2.imwrite(str(path), image)
-
-
-def test_the_noise_of_an_image_with_some_flat_area_is_found() -> None:
-    rng = np.random.default_rng(0)
-    image = np.full((200, 200), 60.0, dtype=np.float32)
-    image[:, 100:] += 50 * rng.random((200, 100))
-    image += rng.normal(0, 3.0, image.shape)
-    assert noise_deviation(image.astype(np.float32)) == pytest.approx(3.0, rel=0.15)
 
 
 def test_images_are_reduced_to_the_longer_side_and_never_enlarged() -> None:

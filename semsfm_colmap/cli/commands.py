@@ -1,0 +1,84 @@
+"""The commands of `semsfm`: one table. A stage of the pipeline is a command without a line here."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from semsfm_colmap.pipeline.registry import STAGES
+from semsfm_colmap.pipeline.stage import Stage
+
+Main = Callable[[Sequence[str]], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """A subcommand: its name, a line on it, and the module below `cli` that runs it."""
+
+    name: str
+    help: str
+    module: str = ""
+    stage: Stage | None = None
+    """the stage that it runs, for a command without a module of its own"""
+
+    def main(self) -> Main:
+        """The function that runs it; its module is loaded now."""
+        if self.stage is not None and not self.module:
+            from semsfm_colmap.cli.stage import run_stage
+
+            return partial(run_stage, self.stage)
+        module = importlib.import_module(f"semsfm_colmap.cli.{self.module}")
+        main: Main = module.main
+        return main
+
+
+OWN_MODULES = {"extract": "extract", "map": "map"}
+"""Stages whose command does more than run them on a project folder."""
+
+COMMANDS: tuple[Command, ...] = (
+    Command(
+        name="reconstruct",
+        help="images to COLMAP project, mesh and report: everything below in one go",
+        module="reconstruct",
+    ),
+    *(
+        Command(
+            name=stage.name, help=stage.help, module=OWN_MODULES.get(stage.name, ""), stage=stage
+        )
+        for stage in STAGES
+        if not stage.founds
+    ),
+    Command(
+        name="inspect",
+        help="what the image files say: sizes, pixel size, tilt, problems",
+        module="inspect",
+    ),
+    Command(
+        name="export",
+        help="the model as other programs read it: COLMAP, OpenMVS, nerfstudio, PLY, ...",
+        module="export",
+    ),
+    Command(
+        name="adopt",
+        help="take over a model that COLMAP's triangulator or bundle adjuster has changed",
+        module="adopt",
+    ),
+    Command(name="evaluate", help="compare a project with known truth", module="evaluate"),
+    Command(
+        name="compare-features",
+        help="region detectors and descriptors side by side on a series",
+        module="compare_features",
+    ),
+    Command(
+        name="synthesize",
+        help="render an SEM-like series with exact truth",
+        module="synthesize",
+    ),
+)
+
+
+def find_command(name: str) -> Command | None:
+    """The command of that name."""
+    return next((command for command in COMMANDS if command.name == name), None)

@@ -1,0 +1,156 @@
+"""Known tilts against the angles that the images show: the one comparison, and what it says.
+
+The angle of each camera about the axis of the series (`motion.axis`) is regressed on the known one.
+A slope away from 1 means that either is wrong; how far from 1 depends on the range of tilt and on
+the standard deviation of the known tilts (`motion.small_tilt`). The mapping stage judges, and the
+report carries its judgement.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from semsfm_colmap.io.wording import abbreviate
+from semsfm_colmap.motion.axis import AxisRotation, fit_axis
+from semsfm_colmap.motion.prior import MIN_RANGE_DEG, TiltPrior, known_tilts
+from semsfm_colmap.motion.small_tilt import MAX_DRIFT, tilt_error, tilt_tolerance
+from semsfm_colmap.types import Bool, Float
+
+MIN_TILTS = 3
+"""A line through fewer points says nothing about their scatter."""
+AXIS_TOLERANCE_DEG = 5.0
+"""A stage's axis is aligned with the scan to a few degrees, and often read by eye."""
+MAX_ROUGHNESS = 4.0
+"""Scatter about the line, in standard deviations of the prior, above which frames are named."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiltLine:
+    """``seen = slope known + offset`` over the images whose tilt is known."""
+
+    slope: float
+    """Estimated over known tilt; its sign is that of the axis."""
+    residual_rad: Float
+    """(K,) seen minus line"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiltCheck:
+    """How a reconstruction agrees with a tilt prior."""
+
+    consistent: bool
+    factor: float = math.nan
+    """Estimated over known tilt, from the regression; its sign is that of the axis."""
+    tolerance: float = math.nan
+    """How far from 1 its size may lie."""
+    factor_sigma: float = math.nan
+    """One standard deviation that the known tilts leave to the factor."""
+    outliers: tuple[str, ...] = ()
+    """Images whose tilt does not fit the others."""
+    message: str
+
+
+def check_tilt(prior: TiltPrior, image_names: Sequence[str], cam_from_world: Float) -> TiltCheck:
+    """Compare estimated rotations (M, 3, 3), in acquisition order, with the known tilts."""
+    known, sigma = known_tilts(prior, image_names)
+    rows = np.isfinite(known)
+    axis = fit_axis(cam_from_world)
+    axis_note = _axis_note(prior, axis)
+    seen = np.zeros(len(known)) if axis is None else axis.angle_rad
+    line = tilt_line(known[rows], seen[rows])
+    if line is None:
+        notes = (_why_no_line(prior, rows), axis_note)
+        return TiltCheck(consistent=True, message="; ".join(part for part in notes if part))
+    known, sigma, seen = known[rows], sigma[rows], seen[rows]
+    range_rad = float(np.ptp(seen))
+    factor_sigma = float(np.median(sigma)) / math.sqrt(float(((known - known.mean()) ** 2).sum()))
+    tolerance = tilt_tolerance(range_rad, factor_sigma)
+    consistent = abs(abs(line.slope) - 1) <= tolerance
+    off = np.abs(line.residual_rad)
+    limit = np.maximum(MAX_ROUGHNESS * sigma, 3 * 1.4826 * float(np.median(off)))
+    outliers = tuple(image_names[k] for k in np.flatnonzero(rows)[off > limit])
+    if consistent:
+        message = (
+            f"the estimated tilt is {abs(line.slope):.3f} times the known one, within the "
+            f"{100 * tolerance:.0f} % that can be told from {math.degrees(range_rad):.0f} degrees"
+        )
+    else:
+        message = _contradiction(prior, known, range_rad, line.slope)
+    if outliers:
+        message += f"; the tilt of {abbreviate(outliers)} does not fit the others"
+    if axis_note:
+        message += f"; {axis_note}"
+    return TiltCheck(
+        consistent=consistent, factor=line.slope, tolerance=tolerance, factor_sigma=factor_sigma,
+        outliers=outliers, message=message,
+    )  # fmt: skip
+
+
+def tilt_line(known_rad: Float, seen_rad: Float) -> TiltLine | None:
+    """A line by iteratively reweighted least squares (Huber), so that no single entry bends it.
+
+    None for fewer than three images, or where the known tilts hardly differ.
+
+    Parameters
+    ----------
+    known_rad, seen_rad : (K,) of the images whose tilt is known
+
+    """
+    x, y = known_rad, seen_rad
+    if len(x) < MIN_TILTS or float(np.ptp(x)) < math.radians(MIN_RANGE_DEG):
+        return None
+    weight = np.ones(len(x))
+    slope, offset = 0.0, 0.0
+    for _ in range(20):
+        mx, my = np.average(x, weights=weight), np.average(y, weights=weight)
+        slope = float(np.sum(weight * (x - mx) * (y - my)) / np.sum(weight * (x - mx) ** 2))
+        offset = float(my - slope * mx)
+        residual = y - slope * x - offset
+        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
+        weight = np.minimum(1.0, 1.345 * scale / np.maximum(np.abs(residual), 1e-12))
+    return TiltLine(slope=slope, residual_rad=y - slope * x - offset)
+
+
+def _why_no_line(prior: TiltPrior, rows: Bool) -> str:
+    """Why nothing was compared; empty where only the axis is known."""
+    if not np.isfinite(prior.angle_rad).any():
+        return ""
+    if rows.sum() < MIN_TILTS:
+        return "fewer than three images have both a known and an estimated tilt"
+    return "the known tilts of the registered images do not differ"
+
+
+def _contradiction(prior: TiltPrior, known: Float, range_rad: float, slope: float) -> str:
+    """That known and seen tilt disagree, and what may be the cause."""
+    message = (
+        f"the known tilts ({prior.source}) span {math.degrees(float(np.ptp(known))):.1f} "
+        f"degrees, but the images show {math.degrees(range_rad):.1f}: check the recorded tilts "
+        "or the step; they are not obeyed"
+    )
+    if abs(abs(slope) - 1) <= tilt_error(range_rad, MAX_DRIFT):
+        message += (
+            f" (a change of the magnification by {MAX_DRIFT:.1%} between the images would "
+            "explain it, too)"
+        )
+    return message
+
+
+def _axis_note(prior: TiltPrior, axis: AxisRotation | None) -> str:
+    """How the axis seen in the images lies to the known one; empty where none is known."""
+    if prior.axis_image_rad is None or axis is None:
+        return ""
+    seen = math.degrees(math.atan2(axis.axis_camera[1], axis.axis_camera[0]))
+    said = math.degrees(prior.axis_image_rad)
+    apart = abs((seen - said + 90.0) % 180.0 - 90.0)
+    seen = (seen + 45.0) % 180.0 - 45.0
+    if apart <= AXIS_TOLERANCE_DEG:
+        return f"the tilt axis lies at {seen:.1f} degrees in the images, as said"
+    return (
+        f"the tilt axis lies at {seen:.1f} degrees in the images, from x toward y, and not at "
+        f"{said:.1f} (option tilt_axis): the images are believed; check the order of the images, "
+        "or whether they were turned"
+    )

@@ -1,0 +1,69 @@
+"""images/, sparse/0 -> dense/depth_maps/, dense/fused.ply."""
+
+from __future__ import annotations
+
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.atomic import folder_aside
+from semsfm_colmap.pipeline.stage import Stage, StageRun
+from semsfm_colmap.records import DensifyRecord
+
+
+def run(on: StageRun) -> DensifyRecord:
+    """Depth maps and their fusion.
+
+    Where the depth maps agree on too little (few images, small angles) the fused cloud is the
+    sparse one, and that is said.
+    """
+    from semsfm_colmap.io.ply import write_ply
+    from semsfm_colmap.surface.build import fuse_depth_maps
+    from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map
+    from semsfm_colmap.surface.stereo.plane_sweep import sweep_depth_maps
+    from semsfm_colmap.surface.stereo.views import choose_references
+
+    project, options = on.project, on.config.surface
+    reconstruction = project.read_main_model()
+    # the maps are written aside and replace those of an earlier run as a whole
+    folder = project.dense / "depth_maps"
+    references = choose_references(reconstruction.cameras, options.max_num_depth_maps)
+    names: list[str] = []
+    with folder_aside(folder) as aside, on.reporter.progress("depth maps") as progress:
+        for depth_map in sweep_depth_maps(
+            reconstruction, references, project.images, project.masks_or_none, options
+        ):
+            write_depth_map(aside, depth_map)
+            names.append(depth_map.image_name)
+            progress(len(names), len(references))
+    with on.reporter.progress("fusing") as progress:
+        fused = fuse_depth_maps(
+            DepthMapFolder(folder, tuple(names)),
+            reconstruction,
+            project.images,
+            options,
+            progress=progress,
+        )
+    if fused.value is None:
+        raise InputError(fused.message)
+    cloud = fused.value
+    notes = (fused.message,) if fused.message else ()
+    write_ply(project.dense / "fused.ply", cloud)
+    on.reporter.say(f"densify: {len(names)} depth maps, {len(cloud.points)} points")
+    for note in notes:
+        on.reporter.say(note)
+    return DensifyRecord(
+        num_depth_maps=len(names),
+        num_points=len(cloud.points),
+        coverage=fused.diagnostics.get("coverage"),
+        notes=notes,
+    )
+
+
+STAGE = Stage(
+    name="densify",
+    help="depth maps and their fusion",
+    description="Depth maps by parallel-ray stereo, and their fusion.",
+    sections=("surface",),
+    outputs=lambda p: [p.dense / "fused.ply"],
+    run=run,
+    places=("dense",),
+    optional=True,
+)

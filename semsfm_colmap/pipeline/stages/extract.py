@@ -1,0 +1,67 @@
+"""images/ -> keypoints and descriptors in database.db; resumes image by image."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from statistics import median
+
+from semsfm_colmap.pipeline.stage import Stage, StageRun
+from semsfm_colmap.records import ExtractRecord, OrientationTrial
+
+
+def run(on: StageRun) -> ExtractRecord:
+    """Find keypoints in all images that have none yet."""
+    from semsfm_colmap.colmap.database.scratch import remove_database
+    from semsfm_colmap.colmap.database.work import read_images, read_keypoints
+    from semsfm_colmap.colmap.sift import extract_sift
+    from semsfm_colmap.pipeline.orientation import try_orientations
+    from semsfm_colmap.pipeline.stages.own_features import extract_own, is_own
+
+    project = on.project
+    series = project.read_series()
+    options, trial = on.config.features, None
+    num_threads = on.executor.num_workers
+    if options.upright is None and len(series.names) > 2:
+        trial = try_orientations(project, series, num_threads=num_threads, seed=on.config.seed)
+        options = replace(options, upright=trial.upright)
+    if on.fresh:
+        remove_database(project.database)
+    with on.reporter.progress("features") as progress:
+        if is_own(options):
+            extract_own(project, series, options, num_threads=num_threads, progress=progress)
+        else:
+            extract_sift(
+                project.database,
+                project.images,
+                series.names,
+                [(frame.width_px, frame.height_px) for frame in series.frames],
+                options,
+                mask_path=project.masks_or_none,
+                num_threads=num_threads,
+                progress=progress,
+            )
+    images = read_images(project.database)
+    keypoints = read_keypoints(project.database, [i.image_id for i in images])
+    counts = [len(keypoints[i.image_id]) for i in images]
+    on.reporter.say(
+        f"features: {sum(counts)} keypoints, {int(median(counts))} an image (median), "
+        + ("upright" if options.upright else "turned to their gradients")
+    )
+    return ExtractRecord(
+        num_keypoints=dict(zip([i.name for i in images], counts, strict=True)),
+        upright=bool(options.upright),
+        orientation_trial=None
+        if trial is None
+        else OrientationTrial(near=trial.near, far=trial.far),
+    )
+
+
+STAGE = Stage(
+    name="extract",
+    help="read and prepare the images, find keypoints",
+    description="Read and prepare the images of a folder, find keypoints in them.",
+    sections=("features",),
+    outputs=lambda p: [p.database],
+    run=run,
+    places=("database.db",),
+)

@@ -1,0 +1,112 @@
+"""Keypoints -> matches and two-view geometries in database.db; resumes pair by pair."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from semsfm_colmap.pipeline.stage import Stage, StageRun
+from semsfm_colmap.records import MatchRecord
+
+if TYPE_CHECKING:
+    from semsfm_colmap.types import AffineTwoViewGeometry, Int
+
+
+def run(on: StageRun) -> MatchRecord:
+    """Match the pairs that have no matches yet, then verify all."""
+    from semsfm_colmap.colmap.database.work import clear_matches, read_images
+    from semsfm_colmap.matching.pairs import select_pairs
+
+    project = on.project
+    names = project.read_series().names
+    if on.fresh:
+        clear_matches(project.database)
+    id_of = {image.name: image.image_id for image in read_images(project.database)}
+    ids = [id_of[name] for name in names]
+    pairs = select_pairs(len(ids), on.config.matching)
+    match_pairs(on, names, ids, pairs)
+    return verify_pairs(on, names, ids, pairs)
+
+
+def match_pairs(
+    on: StageRun, names: Sequence[str], ids: Sequence[int], pairs: Sequence[tuple[int, int]]
+) -> None:
+    """Matches of descriptors, into the database."""
+    from semsfm_colmap.colmap.sift import match_sift
+    from semsfm_colmap.pipeline.stages.own_features import is_own, match_own
+
+    config, num_threads = on.config, on.executor.num_workers
+    with on.reporter.progress("matching pairs") as progress:
+        if is_own(config.features):
+            match_own(on.project, names, pairs, config, num_threads=num_threads, progress=progress)
+        else:
+            match_sift(
+                on.project.database,
+                [(ids[i], ids[j]) for i, j in pairs],
+                max_ratio=config.matching.max_ratio,
+                num_threads=num_threads,
+                progress=progress,
+            )
+
+
+def verify_pairs(
+    on: StageRun, names: Sequence[str], ids: Sequence[int], pairs: Sequence[tuple[int, int]]
+) -> MatchRecord:
+    """Affine two-view geometries of the stored matches, into the database."""
+    from semsfm_colmap.colmap.database.two_view import stored_geometry
+    from semsfm_colmap.colmap.database.work import (
+        read_keypoints,
+        read_matches,
+        write_two_view_geometries,
+    )
+    from semsfm_colmap.matching.statistics import pair_statistics
+    from semsfm_colmap.matching.verify import verify_pair
+
+    stored = read_keypoints(on.project.database, ids)
+    keypoints = [stored[image_id] for image_id in ids]
+    raw = read_matches(on.project.database)
+    config = on.config
+
+    def verify(pair: tuple[int, int]) -> AffineTwoViewGeometry:
+        i, j = pair
+        rows = matches_of(raw, ids[i], ids[j])
+        return verify_pair(pair, keypoints[i], keypoints[j], rows, config.matching, config.seed)
+
+    geometries = []
+    with on.reporter.progress("verifying pairs") as progress:
+        for geometry in on.executor.map(verify, pairs):
+            geometries.append(geometry)
+            progress(len(geometries), len(pairs))
+    write_two_view_geometries(
+        on.project.database, dict(stored_geometry(g, ids) for g in geometries)
+    )
+    verified = [g for g in geometries if g.F is not None]
+    on.reporter.say(
+        f"matching: {len(verified)} of {len(pairs)} pairs verified, "
+        f"{sum(int(g.inlier.sum()) for g in verified)} matches"
+    )
+    return MatchRecord(
+        num_pairs=len(pairs),
+        num_verified_pairs=len(verified),
+        pairs=tuple(pair_statistics(geometries, names)),
+    )
+
+
+def matches_of(raw: dict[tuple[int, int], Int], a: int, b: int) -> Int:
+    """The matches (L, 2) of image a with image b, whichever way round they are stored."""
+    import numpy as np
+
+    rows = raw.get((a, b))
+    if rows is not None:
+        return rows
+    return raw.get((b, a), np.zeros((0, 2), dtype=np.int64))[:, ::-1]
+
+
+STAGE = Stage(
+    name="match",
+    help="match image pairs and verify them with affine epipolar geometry",
+    description="Match image pairs and verify them with affine epipolar geometry.",
+    sections=("matching",),
+    outputs=lambda p: [p.database],
+    run=run,
+)

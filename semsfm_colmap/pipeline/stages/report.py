@@ -1,0 +1,56 @@
+"""Everything known -> report/."""
+
+from __future__ import annotations
+
+from semsfm_colmap.pipeline.stage import Stage, StageRun
+from semsfm_colmap.records import MapRecord, MatchRecord, ReportRecord
+
+
+def run(on: StageRun) -> ReportRecord:
+    """Gather what the stages have left, and write the report."""
+    from semsfm_colmap.io.ply import read_ply_cloud, read_ply_mesh
+    from semsfm_colmap.pipeline.record import versions
+    from semsfm_colmap.report.inputs import ReportInputs, StageUsage
+    from semsfm_colmap.report.metrics_json import metrics_json
+    from semsfm_colmap.report.write import write_report
+
+    project, record = on.project, on.record
+    reconstruction = project.read_main_model()
+    mapped = record.result("map", MapRecord)
+    matched = record.result("match", MatchRecord)
+    # the report says itself what the series and the verdict on the hand say
+    said = [n for n in record.notes() if n != reconstruction.depth_sign.message]
+    mesh_file, cloud_file = project.mesh / "mesh.ply", project.dense / "fused.ply"
+    inputs = ReportInputs(
+        reconstruction=reconstruction,
+        series=project.read_series(),
+        pairs=() if matched is None else matched.pairs,
+        stages=tuple(
+            StageUsage(name=name, seconds=entry.seconds, peak_memory_mb=entry.peak_memory_mb)
+            for name, entry in record.stages.items()
+            if name != STAGE.name
+        ),
+        notes=tuple(dict.fromkeys(said)),
+        rounds=() if mapped is None else mapped.rounds,
+        guided=None if mapped is None else mapped.diagnostics.guided,
+        reliability=None if mapped is None else mapped.reliability,
+        tilt=None if mapped is None else mapped.diagnostics.tilt,
+        mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
+        cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
+        versions=versions(),
+        models=() if mapped is None else mapped.models,
+        title=project.path.resolve().name,
+    )
+    metrics = write_report(inputs, project.report)
+    on.reporter.say(f"report: {project.report / 'report.html'}")
+    return ReportRecord(num_metrics=len(metrics_json(metrics)))
+
+
+STAGE = Stage(
+    name="report",
+    help="metrics and HTML report of a project",
+    description="Metrics and HTML report.",
+    sections=(),
+    outputs=lambda p: [p.report / "report.html", p.report / "metrics.json"],
+    run=run,
+)

@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from semsfm_colmap.errors import UsageError
+from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.prepare import prepare_series
+from semsfm_colmap.ingest.series.tilt import parse_axis, tilt_prior
+from semsfm_colmap.types import SemFrame, SemMetadata, SemSeries
+from tests.ingest.conftest import save, texture
+
+
+def series(tilts_deg: list[float | None], source: str = "FEI 34682 [Stage] StageT") -> SemSeries:
+    frames = tuple(
+        SemFrame(
+            name=f"{i}.tif", width_px=10, height_px=10, source_path="", crop_px=(0, 0, 10, 10),
+            metadata=SemMetadata(
+                tilt_rad=None if tilt is None else radians(tilt),
+                source={} if tilt is None else {"tilt_rad": source},
+            ),
+        )
+        for i, tilt in enumerate(tilts_deg)
+    )  # fmt: skip
+    return SemSeries(frames=frames)
+
+
+def test_a_stage_and_a_table_give_priors_with_their_own_sigma() -> None:
+    stage = tilt_prior(series([0, 5, 10]), IngestOptions())
+    table = tilt_prior(series([0, 5, 10], "table s.csv"), IngestOptions())
+    assert stage is not None
+    assert table is not None
+    assert stage.sigma_rad == pytest.approx(radians(0.5))
+    assert table.sigma_rad == pytest.approx(radians(0.2))
+    assert table.source == "table s.csv"
+    assert stage.range_rad == pytest.approx(radians(10))
+    chosen = tilt_prior(series([0, 5, 10]), IngestOptions(tilt_sigma_deg=1.5))
+    assert chosen is not None
+    assert chosen.sigma_rad == pytest.approx(radians(1.5))
+
+
+def test_a_tilt_that_does_not_vary_is_no_prior() -> None:
+    assert tilt_prior(series([12.0, 12.0, 12.1]), IngestOptions()) is None
+    assert tilt_prior(series([None, None, None]), IngestOptions()) is None
+    assert tilt_prior(series([None, 3.0, None]), IngestOptions()) is None
+
+
+def test_a_nominal_step_is_used_only_without_recorded_tilts() -> None:
+    by_step = tilt_prior(series([None] * 4), IngestOptions(tilt_step_deg=-3.0, tilt_axis="y"))
+    assert by_step is not None
+    np.testing.assert_allclose(np.degrees(by_step.angle_rad), [0, -3, -6, -9])
+    assert by_step.sigma_rad == pytest.approx(radians(0.3))
+    assert by_step.axis_image_rad == pytest.approx(radians(90))
+    recorded = tilt_prior(series([0, 5, 10]), IngestOptions(tilt_step_deg=3.0))
+    assert recorded is not None
+    assert np.degrees(recorded.angle_rad[-1]) == pytest.approx(10)
+
+
+def test_images_without_a_tilt_stay_unknown() -> None:
+    prior = tilt_prior(series([0, None, 10]), IngestOptions())
+    assert prior is not None
+    assert np.isnan(prior.angle_rad[1])
+    assert prior.range_rad == pytest.approx(radians(10))
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("auto", None), ("x", 0.0), ("Y", radians(90)), ("-30", radians(-30))]
+)
+def test_the_axis_is_read(text: str, value: float | None) -> None:
+    assert parse_axis(text) == (pytest.approx(value) if value is not None else None)
+
+
+@pytest.mark.parametrize("text", ["z", "nan", "north"])
+def test_no_other_axis_is_accepted(text: str) -> None:
+    with pytest.raises(UsageError, match="tilt_axis"):
+        parse_axis(text)
+
+
+def test_a_sigma_that_is_not_positive_is_a_usage_error() -> None:
+    with pytest.raises(UsageError, match="tilt_sigma_deg"):
+        tilt_prior(series([0, 5, 10]), IngestOptions(tilt_sigma_deg=0.0))
+
+
+def test_the_prior_of_a_prepared_series_comes_from_its_table(folder: Path, tmp_path: Path) -> None:
+    for i in range(3):
+        save(folder / f"{i}.png", texture(i))
+    table = tmp_path / "s.csv"
+    table.write_text("image,tilt_deg\n" + "".join(f"{i}.png,{7 * i}\n" for i in range(3)))
+    options = IngestOptions(series_csv=table)
+    prior = tilt_prior(prepare_series(folder, tmp_path / "p", options), options)
+    assert prior is not None
+    np.testing.assert_allclose(np.degrees(prior.angle_rad), [0, 7, 14])
