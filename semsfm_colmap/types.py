@@ -7,9 +7,9 @@ viewer. Angles are radians. Units stand in the names: ``_px _um _rad _deg``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,14 @@ Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 T = TypeVar("T")
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+class ParallelMap(Protocol):
+    """Apply a function to items, results in their order; the builtin `map` is one."""
+
+    def __call__(self, function: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]: ...  # noqa: D102
 
 
 class _Frozen:

@@ -62,7 +62,7 @@ import contextlib, io, sys
 from semsfm_colmap.cli.main import COMMANDS, main
 for command in COMMANDS:
     with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
-        main([command, "--help"])
-    assert {library!r} not in sys.modules, command
+        main([command.name, "--help"])
+    assert {library!r} not in sys.modules, command.name
 """
     subprocess.run([sys.executable, "-c", code], check=True)

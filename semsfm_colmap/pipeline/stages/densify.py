@@ -17,7 +17,7 @@ def run(on: StageRun) -> DensifyRecord:
     from semsfm_colmap.io.ply import write_ply
     from semsfm_colmap.surface.build import fuse_depth_maps
     from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map
-    from semsfm_colmap.surface.stereo.plane_sweep import sweep_depth_maps
+    from semsfm_colmap.surface.stereo.depth_maps import sweep_depth_maps
     from semsfm_colmap.surface.stereo.views import choose_references
 
     project, options = on.project, on.config.surface
@@ -28,7 +28,13 @@ def run(on: StageRun) -> DensifyRecord:
     names: list[str] = []
     with folder_aside(folder) as aside, on.reporter.progress("depth maps") as progress:
         for depth_map in sweep_depth_maps(
-            reconstruction, references, project.images, project.masks_or_none, options
+            reconstruction,
+            references,
+            project.images,
+            project.masks_or_none,
+            options,
+            parallel_map=on.executor.map,
+            num_at_a_time=on.executor.num_workers,
         ):
             write_depth_map(aside, depth_map)
             names.append(depth_map.image_name)
