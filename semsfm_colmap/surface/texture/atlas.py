@@ -34,6 +34,8 @@ _RAY_START_PX = 2.0
 _NUM_GAIN_ROUNDS = 8
 _BORDER_TEXELS = 2.0
 """Width of the border around each chart; the packer keeps charts twice as far apart."""
+_PACKING = 0.7
+"""Share of the atlas that charts cover."""
 
 
 def texture_mesh(
@@ -217,7 +219,3 @@ def _atlas(mesh: TriangleMesh, unit: float, max_size: int) -> tuple[Float, int]:
     atlas.generate(charts, packing)
     _, faces, uv = atlas[0]
     return np.asarray(uv, dtype=np.float64)[faces.astype(np.int64)], size
-
-
-_PACKING = 0.7
-"""Share of the atlas that charts cover."""
