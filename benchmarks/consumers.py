@@ -176,7 +176,7 @@ def open3d_version() -> str:
 
 def write_points(path: Path, points: Array) -> None:
     """As PLY, which `surface_gap_px` reads."""
-    from semsfm_colmap.surface.files import write_ply
+    from semsfm_colmap.io.ply import write_ply
     from semsfm_colmap.types import PointCloud
 
     write_ply(path, PointCloud(points=points))

@@ -13,7 +13,7 @@ import numpy as np
 import PIL.Image
 
 from semsfm_colmap.colmap.model.sparse import read_model
-from semsfm_colmap.surface.files import read_ply_mesh
+from semsfm_colmap.io.ply import read_ply_mesh
 from semsfm_colmap.surface.mesh.preview import render_mesh, turntable
 
 SIZE = (520, 420)

@@ -1,6 +1,7 @@
 """Where heavy libraries are imported."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -37,6 +38,16 @@ def test_numba_is_imported_by_kernel_modules_alone():
     assert elsewhere == {"geometry/threads.py"}
 
 
+def test_open3d_is_asked_for_through_one_module_alone():
+    assert homes("open3d") == set()
+    users = [
+        path.relative_to(PACKAGE).as_posix()
+        for path in PACKAGE.rglob("*.py")
+        if re.search(r"""import_module\(\s*['"]open3d""", path.read_text())
+    ]
+    assert users == ["io/open3d_library.py"]
+
+
 def test_kernel_modules_hold_typed_kernels():
     for path in PACKAGE.rglob("*_kernels.py"):
         text = path.read_text()
@@ -51,7 +62,7 @@ import contextlib, io, sys
 from semsfm_colmap.cli.main import COMMANDS, main
 for command in COMMANDS:
     with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
-        main([command, "--help"])
-    assert {library!r} not in sys.modules, command
+        main([command.name, "--help"])
+    assert {library!r} not in sys.modules, command.name
 """
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
-
 import numpy as np
 
-from semsfm_colmap.errors import MissingDependencyError
-from semsfm_colmap.types import Array, Float, Int, OrthographicCameras, TriangleMesh
+from semsfm_colmap.geometry.mesh_normals import angle_weighted_normals, face_normals
+from semsfm_colmap.geometry.rays import as_tensor, ray_scene, ray_tensor
+from semsfm_colmap.types import Float, OrthographicCameras, TriangleMesh
 
 NUM_PROBES = 64
 """Rays along each axis of an image that tell the outside of a surface."""
@@ -27,13 +25,7 @@ class Surface:
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        o3d = _open3d()
-        self._tensor = o3d.core.Tensor
-        self._scene = o3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            self._tensor(mesh.vertices.astype(np.float32)),
-            self._tensor(mesh.faces.astype(np.uint32)),
-        )
+        self._scene = ray_scene(mesh.vertices, mesh.faces)
         self._mesh = mesh
         self._normals = angle_weighted_normals(mesh.vertices, mesh.faces)
         self._sign = 1.0
@@ -48,7 +40,7 @@ class Surface:
             direction = cameras.viewing_direction[i]
             near = float((self._mesh.vertices @ direction).min()) - 1.0
             origin = (grid - cameras.translation_px[i]) @ np.linalg.pinv(A).T + near * direction
-            answer = self._scene.cast_rays(self._rays(origin, direction))
+            answer = self._scene.cast_rays(ray_tensor(origin, direction))
             hit = np.isfinite(answer["t_hit"].numpy())
             facing.append(answer["primitive_normals"].numpy()[hit] @ direction < 0)
         seen = np.concatenate(facing)
@@ -58,7 +50,7 @@ class Surface:
         """Distance of each point to the surface, positive outside: (N, 3) -> (N,)."""
         if not len(points):
             return np.zeros(0)
-        answer = self._scene.compute_closest_points(self._tensor(points.astype(np.float32)))
+        answer = self._scene.compute_closest_points(as_tensor(points.astype(np.float32)))
         away = points - answer["points"].numpy()
         corner = self._mesh.faces[answer["primitive_ids"].numpy().astype(np.int64)]
         u, v = answer["primitive_uvs"].numpy().T[:, :, None]
@@ -96,52 +88,16 @@ class Surface:
             inside = np.all((xy >= 0) & (xy <= image_size_px), axis=1)
             candidate = np.flatnonzero(~seen & inside & (normals @ direction < 0))
             origin = points[candidate] + lift * normals[candidate]
-            hidden = self._scene.test_occlusions(self._rays(origin, -direction)).numpy()
+            hidden = self._scene.test_occlusions(ray_tensor(origin, -direction)).numpy()
             seen[candidate[~hidden]] = True
         return points[seen]
 
     def _samples(self, num: int) -> tuple[Float, Float]:
         """Centres and unit normals of `num` faces, as often as their area asks for."""
         a, b, c = (self._mesh.vertices[self._mesh.faces[:, k]] for k in range(3))
-        cross = np.cross(b - a, c - a)
+        cross = face_normals(self._mesh.vertices, self._mesh.faces)
         double_area = np.linalg.norm(cross, axis=1)
         total = np.cumsum(double_area)
         chosen = np.searchsorted(total, (np.arange(num) + 0.5) / num * total[-1])
         normal = cross[chosen] / double_area[chosen][:, None]
         return (a[chosen] + b[chosen] + c[chosen]) / 3.0, normal
-
-    def _rays(self, origin: Array, direction: Array) -> Any:
-        both = np.empty((len(origin), 6), np.float32)
-        both[:, :3], both[:, 3:] = origin, direction
-        return self._tensor(both)
-
-
-def angle_weighted_normals(vertices: Float, faces: Int) -> Float:
-    """Vertex normals (V, 3): those of the adjacent faces, weighted by their angle there."""
-    corner = vertices[faces]
-    face_normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    face_normal = _unit(face_normal)
-    out = np.zeros((len(vertices), 3))
-    for k in range(3):
-        e1 = _unit(corner[:, (k + 1) % 3] - corner[:, k])
-        e2 = _unit(corner[:, (k + 2) % 3] - corner[:, k])
-        angle = np.arccos(np.clip(np.sum(e1 * e2, axis=1), -1.0, 1.0))
-        for axis in range(3):
-            weight = angle * face_normal[:, axis]
-            out[:, axis] += np.bincount(faces[:, k], weights=weight, minlength=len(vertices))
-    return _unit(out)
-
-
-def _unit(v: Float) -> Float:
-    length = np.linalg.norm(v, axis=-1, keepdims=True)
-    return np.asarray(v / np.where(length > 0, length, 1.0))
-
-
-def _open3d() -> Any:
-    try:
-        return importlib.import_module("open3d")
-    except (ImportError, OSError) as error:
-        raise MissingDependencyError(
-            f"Distances to a surface need open3d, which does not load ({error}): install"
-            " open3d-cpu, and on Debian or Ubuntu libusb-1.0-0, libegl1 and libgl1."
-        ) from error

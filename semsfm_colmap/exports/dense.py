@@ -6,10 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from semsfm_colmap.surface.files import read_depth_map
-from semsfm_colmap.surface.fusion.consistency import camera_normals, depth_map_unit
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Array, Reconstruction
 
@@ -33,23 +30,20 @@ def dense_views(
     reconstruction: Reconstruction, folder: Path, names: Sequence[str], options: SurfaceOptions
 ) -> Iterator[DenseView]:
     """Depth maps with the slopes and normals of their local planes."""
-    from semsfm_colmap.surface.stereo.refine_kernels import local_planes
+    from semsfm_colmap.surface.depth_geometry import planes_and_normals
 
     number = {name: i for i, name in enumerate(reconstruction.image_names)}
     for name in names:
         i = number[name]
         depth_map = read_depth_map(folder, name)
         size = reconstruction.image_size_px[i]
-        unit = depth_map_unit(reconstruction.cameras, i, size, depth_map)
-        weight = depth_map.confidence
-        if weight is None:
-            weight = np.isfinite(depth_map.depth).astype(np.float32)
-        plane = local_planes(depth_map.depth, weight, options.slope_radius_px, 2.5 * unit)
-        scaling = np.array(depth_map.depth.shape[::-1]) / size
+        planes, normals = planes_and_normals(
+            reconstruction.cameras, i, size, depth_map, options.slope_radius_px
+        )
         yield DenseView(
             image_idx=i,
             depth=depth_map.depth,
-            slope=plane[1:],
-            normal=camera_normals(reconstruction.cameras, i, scaling, plane),
+            slope=planes[1:],
+            normal=normals,
             confidence=depth_map.confidence,
         )

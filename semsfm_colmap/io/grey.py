@@ -11,11 +11,14 @@ from semsfm_colmap.types import Array, Bool
 
 
 def read_grey(path: Path) -> Array:
-    """Pixels (H, W) of an 8-bit image file, whatever its name."""
+    """Pixels (H, W) of an 8-bit image file; through numpy, as cv2 cannot open every path."""
     import cv2
 
-    data = np.fromfile(path, dtype=np.uint8)
-    pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+        pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
+    except (OSError, cv2.error):
+        pixels = None
     if pixels is None:
         raise InputError(f"{path} cannot be read: run `semsfm extract` again")
     return np.asarray(pixels)

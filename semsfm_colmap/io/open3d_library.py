@@ -25,7 +25,7 @@ def import_open3d() -> Any:
     except ModuleNotFoundError as error:
         if error.name != "open3d":
             raise
-        message = "Meshing needs open3d, which is not installed: run `pip install open3d-cpu`."
+        message = "This needs open3d, which is not installed: run `pip install open3d-cpu`."
         raise MissingDependencyError(message) from error
     except (ImportError, OSError) as error:
         reason = str(error).splitlines()[0].rstrip(".") if str(error) else type(error).__name__

@@ -16,7 +16,7 @@ def evaluate_project(
     project_path: Path, truth_path: Path, *, model: int = 0
 ) -> tuple[dict[str, Any], str]:
     """Figures of a model of a project, and of the mesh for model 0, against the truth; a table."""
-    from semsfm_colmap.surface.files import read_ply_mesh
+    from semsfm_colmap.io.ply import read_ply_mesh
 
     project = Project(Path(project_path))
     truth = load_truth(Path(truth_path))

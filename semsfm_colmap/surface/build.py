@@ -1,4 +1,4 @@
-"""The surface from a reconstruction and its images: depth maps, cloud, mesh, as pure functions.
+"""The surface from depth maps and the points of a reconstruction: which cloud, and its mesh.
 
 A few images at small angles give depth maps that agree on little; the points of the reconstruction
 are then the better cloud. `fuse_depth_maps` measures what share of them the fused cloud covers and
@@ -19,8 +19,6 @@ from semsfm_colmap.surface.fusion.fuse import fuse
 from semsfm_colmap.surface.mesh.ball_pivoting import mesh_cloud
 from semsfm_colmap.surface.mesh.halfedges import component_labels, num_boundary_edges
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.surface.stereo.plane_sweep import sweep_depth_maps
-from semsfm_colmap.surface.stereo.views import choose_references
 from semsfm_colmap.types import (
     DepthMap,
     PointCloud,
@@ -38,35 +36,6 @@ _GOOD_COVERAGE = 0.8
 """With less, the message says that the surface has gaps."""
 _COVERED_WITHIN = 4.0
 """A sparse point is covered by fused points within this many of their spacings."""
-
-
-def densify(
-    reconstruction: Reconstruction,
-    image_path: Path | str,
-    mask_path: Path | str | None,
-    options: SurfaceOptions,
-    *,
-    progress: Progress | None = None,
-) -> list[DepthMap]:
-    """Depth maps of up to `options.max_num_depth_maps` images, in the order of the images.
-
-    Parameters
-    ----------
-    reconstruction : cameras and points
-    image_path : folder of the prepared images
-    mask_path : folder of ``<image name>.png``, 0 = ignore, or None
-    options : sizes, windows, thresholds
-    progress : called after each depth map
-
-    """
-    references = choose_references(reconstruction.cameras, options.max_num_depth_maps)
-    masks = None if mask_path is None else Path(mask_path)
-    depth_maps: list[DepthMap] = []
-    for depth_map in sweep_depth_maps(reconstruction, references, Path(image_path), masks, options):
-        depth_maps.append(depth_map)
-        if progress is not None:
-            progress(len(depth_maps), len(references))
-    return depth_maps
 
 
 def fuse_depth_maps(

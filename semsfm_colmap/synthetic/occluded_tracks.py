@@ -18,7 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from semsfm_colmap.geometry.mesh_normals import face_normals
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
+from semsfm_colmap.geometry.rays import ray_scene, ray_tensor
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.synthetic.light_shapes import Shape, build_shape
 from semsfm_colmap.synthetic.primitives import Mesh
@@ -169,7 +171,7 @@ def _sample(mesh: Mesh, num: int, rng: np.random.Generator) -> tuple[Float, Floa
 
     vertices, faces = mesh
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
+    normal = face_normals(vertices, faces)
     area = np.linalg.norm(normal, axis=1)
     pick = rng.choice(len(faces), size=num, p=area / area.sum())
     u, v = rng.random((2, num))
@@ -184,14 +186,12 @@ def _sample(mesh: Mesh, num: int, rng: np.random.Generator) -> tuple[Float, Floa
 
 def _visible(mesh: Mesh, points: Float, normals: Float, cameras: OrthographicCameras) -> Bool:
     """(M, N): faces the viewer, and nothing lies between."""
-    from semsfm_colmap.synthetic.rays import ray_scene, ray_tensor
-
     scene = ray_scene(*mesh)
     visible = np.zeros((len(cameras), len(points)), dtype=bool)
     for i, direction in enumerate(cameras.viewing_direction):
         front = np.flatnonzero(normals @ direction < 0.0)
         start = points[front] - RAY_LIFT * direction
-        rays = ray_tensor(start, np.tile(-direction, (len(front), 1)))
+        rays = ray_tensor(start, -direction)
         visible[i, front] = ~scene.test_occlusions(rays).numpy()
     return visible
 

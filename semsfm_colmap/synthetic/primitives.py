@@ -1,4 +1,4 @@
-"""Triangle meshes of simple bodies: spheres, tubes, swept outlines, sheets, and their normals.
+"""Triangle meshes of simple bodies: spheres, tubes, swept outlines, sheets.
 
 Faces are counter-clockwise seen from outside.
 """
@@ -124,17 +124,3 @@ def merged(meshes: list[Mesh]) -> Mesh:
     offsets = np.cumsum([0] + [len(v) for v, _ in meshes[:-1]])
     faces = np.concatenate([f + k for (_, f), k in zip(meshes, offsets, strict=True)])
     return np.concatenate([v for v, _ in meshes]), faces
-
-
-def vertex_normals(vertices: Float, faces: Int) -> Float:
-    """Unit normals (V, 3), the mean of the adjacent faces weighted by their area."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    flat = np.zeros((len(vertices), 3))
-    for axis in range(3):
-        for k in range(3):
-            flat[:, axis] += np.bincount(
-                faces[:, k], weights=normal[:, axis], minlength=len(vertices)
-            )
-    length = np.linalg.norm(flat, axis=1, keepdims=True)
-    return np.asarray(flat / np.where(length > 0, length, 1.0))

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
+from semsfm_colmap.geometry.rays import as_tensor, ray_scene
 from semsfm_colmap.synthetic import surface
 from semsfm_colmap.synthetic.options import SynthesizeOptions
-from semsfm_colmap.synthetic.rays import as_tensor, ray_scene
 from semsfm_colmap.synthetic.scenes.base import SUPPORT, Specimen
 from semsfm_colmap.types import Array, Float, OrthographicCameras
 
@@ -158,7 +159,7 @@ def make_renderer(
 
     """
     scene = ray_scene(specimen.vertices, specimen.faces)
-    normals = surface.surface_normals(specimen)
+    normals = vertex_normals(specimen.vertices, specimen.faces)
     contrast = np.where(specimen.label == SUPPORT, SUPPORT_CONTRAST, 1.0)
     material = 1.0 + options.albedo_contrast * contrast * specimen.texture
     free = surface.openness(specimen, normals, scene, rng)

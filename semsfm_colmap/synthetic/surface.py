@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from semsfm_colmap.geometry.rays import ray_tensor
 from semsfm_colmap.synthetic.noise import scattered_directions
-from semsfm_colmap.synthetic.primitives import vertex_normals
-from semsfm_colmap.synthetic.rays import ray_tensor
 from semsfm_colmap.synthetic.scenes.base import Specimen
 from semsfm_colmap.types import Array, Float
 
@@ -93,8 +92,3 @@ def smoothed(values: Float, faces: Array) -> Float:
         total += np.bincount(faces[:, k], weights=per_face, minlength=len(values))
         count += np.bincount(faces[:, k], minlength=len(values))
     return np.where(count > 0, total / np.maximum(count, 1), values)
-
-
-def surface_normals(specimen: Specimen) -> Float:
-    """Unit vertex normals (V, 3), outward."""
-    return vertex_normals(specimen.vertices, specimen.faces)

@@ -13,8 +13,8 @@ import pytest
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.evaluation import Truth, evaluate
 from semsfm_colmap.geometry.alignment import Similarity
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.synthetic.primitives import vertex_normals
 from semsfm_colmap.types import DepthSign, Float, Reconstruction, TriangleMesh
 from tests.evaluation.series import (
     SCALE,

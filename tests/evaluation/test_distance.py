@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semsfm_colmap.evaluation.distance import Surface, angle_weighted_normals
+from semsfm_colmap.evaluation.distance import Surface
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.synthetic.primitives import geodesic_sphere
 from semsfm_colmap.types import Float, OrthographicCameras, TriangleMesh
@@ -90,12 +90,6 @@ def test_orienting_a_surface_that_no_camera_sees_changes_nothing() -> None:
 
 def test_no_points_have_no_distances() -> None:
     assert Surface(box()).signed_distance(np.zeros((0, 3))).shape == (0,)
-
-
-def test_the_normal_of_a_corner_of_a_cube_is_its_diagonal_however_it_is_cut() -> None:
-    mesh = box()
-    normals = angle_weighted_normals(mesh.vertices, mesh.faces)
-    np.testing.assert_allclose(normals, mesh.vertices / np.sqrt(3.0), atol=1e-12)
 
 
 def test_the_visible_part_of_a_ball_is_the_half_toward_the_viewer() -> None:

@@ -12,9 +12,10 @@ from semsfm_colmap.colmap.database.work import DatabaseImage
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.sparse import write_model
 from semsfm_colmap.colmap.options import ExportOptions
+from semsfm_colmap.io.ply import write_ply
 from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import bundle_adjust
-from semsfm_colmap.surface.files import write_depth_map, write_ply
+from semsfm_colmap.surface.files import write_depth_map
 from semsfm_colmap.types import DepthSign, PointCloud, Reconstruction
 from tests.colmap.databases import Content, write_4x, write_38
 from tests.surface.scene import (

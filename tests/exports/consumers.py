@@ -316,7 +316,7 @@ def surface_gap_px(cloud: Path, own: Path, px_per_unit: float) -> np.ndarray:
     """Distance of a cloud's points across our fused surface: (N,) px, along its normals."""
     from scipy.spatial import cKDTree
 
-    from semsfm_colmap.surface.files import read_ply_cloud
+    from semsfm_colmap.io.ply import read_ply_cloud
 
     ours, theirs = read_ply_cloud(own), open3d_cloud(cloud)
     _, nearest = cKDTree(ours.points).query(theirs)

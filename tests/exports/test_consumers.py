@@ -9,8 +9,9 @@ import pytest
 
 from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.colmap.presets import settings
+from semsfm_colmap.io.ply import write_ply
 from semsfm_colmap.pipeline.export import export_project
-from semsfm_colmap.surface.files import DepthMapFolder, write_ply
+from semsfm_colmap.surface.files import DepthMapFolder
 from semsfm_colmap.surface.fusion.fuse import fuse
 from semsfm_colmap.surface.options import SurfaceOptions
 from tests.exports import consumers, readers

@@ -101,3 +101,9 @@ def boundary_edges(faces: Int) -> set[tuple[int, int]]:
         for a, b in combinations(sorted(face), 2):
             seen[a, b] = seen.get((a, b), 0) + 1
     return {edge for edge, count in seen.items() if count == 1}
+
+
+def is_edge_manifold(faces: Int) -> bool:
+    """Whether each edge has at most two faces, which agree on their outside."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return len(np.unique(edges, axis=0)) == len(edges)

@@ -1,4 +1,4 @@
-"""Clouds, meshes and depth maps survive the way to the disk and back."""
+"""Textured meshes and depth maps survive the way to the disk and back."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import io
 from pathlib import Path
 
 import numpy as np
-import open3d as o3d
 import pytest
 import trimesh
 
@@ -14,24 +13,10 @@ from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.surface.files import (
     DepthMapFolder,
     read_depth_map,
-    read_ply_cloud,
-    read_ply_mesh,
     write_depth_map,
-    write_ply,
     write_textured,
 )
-from semsfm_colmap.types import DepthMap, PointCloud, TriangleMesh
-
-
-def cloud(num: int = 7) -> PointCloud:
-    rng = np.random.default_rng(0)
-    normals = rng.normal(size=(num, 3))
-    return PointCloud(
-        points=rng.normal(size=(num, 3)),
-        normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
-        colors=rng.integers(0, 256, (num, 3)).astype(np.uint8),
-        sigma=rng.uniform(0.01, 0.1, num),
-    )
+from semsfm_colmap.types import DepthMap, TriangleMesh
 
 
 def square(*, textured: bool = False) -> TriangleMesh:
@@ -48,54 +33,6 @@ def square(*, textured: bool = False) -> TriangleMesh:
         uv=vertices[faces][:, :, :2] if textured else None,
         texture=texture if textured else None,
     )
-
-
-def test_a_cloud_comes_back_with_all_its_attributes(tmp_path: Path) -> None:
-    before = cloud()
-    write_ply(tmp_path / "a.ply", before)
-    after = read_ply_cloud(tmp_path / "a.ply")
-    np.testing.assert_allclose(after.points, before.points, rtol=1e-6)
-    assert after.normals is not None
-    assert before.normals is not None
-    np.testing.assert_allclose(after.normals, before.normals, atol=1e-6)
-    assert after.colors is not None
-    np.testing.assert_array_equal(after.colors, before.colors)
-    assert after.sigma is not None
-    assert before.sigma is not None
-    np.testing.assert_allclose(after.sigma, before.sigma, rtol=1e-6)
-
-
-def test_bare_points_and_no_points_come_back(tmp_path: Path) -> None:
-    for num in (0, 3):
-        write_ply(tmp_path / "a.ply", PointCloud(points=np.ones((num, 3))))
-        after = read_ply_cloud(tmp_path / "a.ply")
-        assert after.points.shape == (num, 3)
-        assert after.normals is None
-        assert after.colors is None
-        assert after.sigma is None
-
-
-def test_open3d_reads_a_cloud_with_its_deviations(tmp_path: Path) -> None:
-    before = cloud()
-    write_ply(tmp_path / "a.ply", before)
-    read = o3d.t.io.read_point_cloud(str(tmp_path / "a.ply"))
-    np.testing.assert_allclose(read.point.positions.numpy(), before.points, rtol=1e-6)
-    assert before.sigma is not None
-    np.testing.assert_allclose(read.point["sigma"].numpy().ravel(), before.sigma, rtol=1e-6)
-    old = o3d.io.read_point_cloud(str(tmp_path / "a.ply"))
-    assert before.colors is not None
-    np.testing.assert_allclose(255 * np.asarray(old.colors), before.colors, atol=0.5)
-
-
-def test_a_mesh_comes_back_and_open3d_reads_it(tmp_path: Path) -> None:
-    before = square()
-    write_ply(tmp_path / "m.ply", before)
-    after = read_ply_mesh(tmp_path / "m.ply")
-    np.testing.assert_array_equal(after.faces, before.faces)
-    np.testing.assert_array_equal(after.vertices, before.vertices)
-    read = o3d.io.read_triangle_mesh(str(tmp_path / "m.ply"))
-    np.testing.assert_array_equal(np.asarray(read.triangles), before.faces)
-    np.testing.assert_allclose(np.asarray(read.vertex_normals), before.vertex_normals)
 
 
 def test_a_textured_mesh_shows_the_texture_where_it_belongs(tmp_path: Path) -> None:
@@ -134,49 +71,6 @@ def test_a_folder_of_depth_maps_is_read_one_by_one(tmp_path: Path) -> None:
     folder = DepthMapFolder(tmp_path, names)
     assert [d.image_name for d in folder] == list(names)
     assert folder[1:][0].depth[0, 0] == 1.0
-
-
-def test_a_write_that_fails_leaves_the_old_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "a.ply"
-    write_ply(path, cloud(3))
-    before = path.read_bytes()
-
-    def full(*_: object) -> None:
-        raise OSError("disk full")
-
-    monkeypatch.setattr("os.replace", full)
-    with pytest.raises(OSError, match="disk full"):
-        write_ply(path, cloud(5))
-    assert path.read_bytes() == before
-    assert list(tmp_path.iterdir()) == [path]
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"solid cube", "not a binary little-endian PLY"),
-        (b"ply\nformat ascii 1.0\nend_header\n", "not a binary little-endian PLY"),
-    ],
-)
-def test_another_kind_of_file_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
-    (tmp_path / "a.ply").write_bytes(content)
-    with pytest.raises(InputError, match=message):
-        read_ply_cloud(tmp_path / "a.ply")
-
-
-def test_a_file_that_was_cut_short_or_is_missing_is_named(tmp_path: Path) -> None:
-    write_ply(tmp_path / "a.ply", square())
-    data = (tmp_path / "a.ply").read_bytes()
-    (tmp_path / "a.ply").write_bytes(data[:-5])
-    with pytest.raises(InputError, match=r"a\.ply is cut short"):
-        read_ply_mesh(tmp_path / "a.ply")
-    with pytest.raises(InputError, match=r"b\.ply does not exist"):
-        read_ply_mesh(tmp_path / "b.ply")
-    write_ply(tmp_path / "c.ply", cloud())
-    with pytest.raises(InputError, match="no faces"):
-        read_ply_mesh(tmp_path / "c.ply")
 
 
 def test_a_missing_or_broken_depth_map_is_named(tmp_path: Path) -> None:

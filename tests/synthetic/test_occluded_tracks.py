@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.synthetic.light_shapes import SHAPES, build_shape
 from semsfm_colmap.synthetic.occluded_tracks import (
     RAY_LIFT,
@@ -11,7 +12,6 @@ from semsfm_colmap.synthetic.occluded_tracks import (
     noise_scene,
     simulate_occluded,
 )
-from semsfm_colmap.synthetic.primitives import vertex_normals
 from tests.oracles.rays import is_hidden
 
 

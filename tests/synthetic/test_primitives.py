@@ -5,14 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semsfm_colmap.synthetic.primitives import (
-    Mesh,
-    geodesic_sphere,
-    grid_faces,
-    merged,
-    tube,
-    vertex_normals,
-)
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
+from semsfm_colmap.synthetic.primitives import Mesh, geodesic_sphere, grid_faces, merged, tube
 
 
 def volume(mesh: Mesh) -> float:
@@ -50,12 +44,6 @@ def test_a_straight_tube_is_a_closed_cylinder_turned_outside_out(axis: int) -> N
     assert volume(mesh) == pytest.approx(np.pi * 0.25 * 2.0, rel=3e-3)
 
 
-def test_normals_of_a_sphere_are_its_radii() -> None:
-    vertices, faces = geodesic_sphere(12)
-    normals = vertex_normals(vertices, faces)
-    assert np.sum(normals * vertices, axis=1).min() > 0.999
-
-
 def test_a_grid_faces_up_where_rows_grow_right_and_columns_up() -> None:
     x, y = np.meshgrid(np.arange(3.0), np.arange(4.0), indexing="ij")
     vertices = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
@@ -70,9 +58,3 @@ def test_merging_keeps_every_part() -> None:
     both = merged([ball, moved])
     assert volume(both) == pytest.approx(2.0 * volume(ball))
     assert_closed(both)
-
-
-def test_a_vertex_without_faces_has_no_normal() -> None:
-    vertices, faces = geodesic_sphere(1)
-    normals = vertex_normals(np.concatenate([vertices, [[9.0, 9.0, 9.0]]]), faces)
-    np.testing.assert_array_equal(normals[-1], 0.0)

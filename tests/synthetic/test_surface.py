@@ -5,17 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
+from semsfm_colmap.geometry.rays import ray_scene
 from semsfm_colmap.synthetic.primitives import Mesh, geodesic_sphere, grid_faces, merged
-from semsfm_colmap.synthetic.rays import ray_scene
 from semsfm_colmap.synthetic.scenes.base import Specimen
 from semsfm_colmap.synthetic.surface import (
     convexity,
     openness,
     smoothed,
-    surface_normals,
     thickness,
 )
 from semsfm_colmap.types import Float
+
+
+def normals_of(specimen: Specimen) -> Float:
+    return vertex_normals(specimen.vertices, specimen.faces)
 
 
 def specimen_of(mesh: Mesh) -> Specimen:
@@ -26,7 +30,7 @@ def specimen_of(mesh: Mesh) -> Specimen:
 def escaping(mesh: Mesh) -> Float:
     specimen = specimen_of(mesh)
     scene = ray_scene(*mesh)
-    return openness(specimen, surface_normals(specimen), scene, np.random.default_rng(0))
+    return openness(specimen, normals_of(specimen), scene, np.random.default_rng(0))
 
 
 def test_everything_escapes_from_a_convex_body() -> None:
@@ -53,7 +57,7 @@ def test_the_thickness_of_a_plate_is_found_from_both_of_its_sides() -> None:
     small = 0.5 * square
     mesh = merged([(small, up), (square - np.array([0, 0, 0.3]), up[:, ::-1])])
     specimen = specimen_of(mesh)
-    found = thickness(specimen, surface_normals(specimen), ray_scene(*mesh))
+    found = thickness(specimen, normals_of(specimen), ray_scene(*mesh))
     np.testing.assert_allclose(found[:4], 0.3, atol=1e-3)
     # From beyond the smaller side there is nothing to come out of.
     assert np.all(np.isinf(found[4:]))
@@ -63,7 +67,7 @@ def test_a_body_buried_in_another_does_not_make_it_thin() -> None:
     vertices, faces = geodesic_sphere(8)
     mesh = merged([(vertices, faces), (0.5 * vertices, faces)])
     specimen = specimen_of(mesh)
-    found = thickness(specimen, surface_normals(specimen), ray_scene(*mesh))
+    found = thickness(specimen, normals_of(specimen), ray_scene(*mesh))
     num = len(vertices)
     assert np.all(np.isinf(found[:num]))
     np.testing.assert_allclose(found[num:], 1.0, rtol=0.02)
@@ -83,7 +87,7 @@ def test_a_ball_stands_out_by_the_curvature_of_its_surface(size: float, side: fl
     vertices, faces = geodesic_sphere(40)
     mesh = (size * vertices, faces if side > 0 else faces[:, ::-1])
     specimen = specimen_of(mesh)
-    found = convexity(specimen, surface_normals(specimen), 0.1 * size)
+    found = convexity(specimen, normals_of(specimen), 0.1 * size)
     # radius / r in the limit of small radii; seen from inside it is a hollow.
     assert np.median(found) == pytest.approx(0.1 * side, rel=0.05)
     # Around the corners of the icosahedron triangles are smaller, and with them the neighbourhood.
@@ -95,5 +99,5 @@ def test_a_plane_neither_stands_out_nor_recedes() -> None:
     vertices = np.stack([x, y, 0.3 * x], axis=-1).reshape(-1, 3)
     specimen = specimen_of((vertices, grid_faces(20, 20)))
     inner = np.s_[5:15, 5:15]
-    found = convexity(specimen, surface_normals(specimen), 2.0).reshape(20, 20)
+    found = convexity(specimen, normals_of(specimen), 2.0).reshape(20, 20)
     np.testing.assert_allclose(found[inner], 0.0, atol=1e-5)

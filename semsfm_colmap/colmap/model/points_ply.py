@@ -13,32 +13,34 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.ply import read_ply_file, write_ply_file
 from semsfm_colmap.types import Array, Float, Reconstruction
 
 FILE_NAME = "points.ply"
-PROPERTIES = (
-    ("x", "<f8", "double"),
-    ("y", "<f8", "double"),
-    ("z", "<f8", "double"),
-    ("red", "u1", "uchar"),
-    ("green", "u1", "uchar"),
-    ("blue", "u1", "uchar"),
-    ("sigma_x", "<f4", "float"),
-    ("sigma_y", "<f4", "float"),
-    ("sigma_z", "<f4", "float"),
-    ("covariance_xy", "<f4", "float"),
-    ("covariance_xz", "<f4", "float"),
-    ("covariance_yz", "<f4", "float"),
-    ("num_observations", "<i4", "int"),
+PROPERTIES = np.dtype(
+    [
+        ("x", "<f8"),
+        ("y", "<f8"),
+        ("z", "<f8"),
+        ("red", "u1"),
+        ("green", "u1"),
+        ("blue", "u1"),
+        ("sigma_x", "<f4"),
+        ("sigma_y", "<f4"),
+        ("sigma_z", "<f4"),
+        ("covariance_xy", "<f4"),
+        ("covariance_xz", "<f4"),
+        ("covariance_yz", "<f4"),
+        ("num_observations", "<i4"),
+    ]
 )
-"""Name, type in memory, type in the header."""
 OFF_DIAGONAL = (("covariance_xy", 0, 1), ("covariance_xz", 0, 2), ("covariance_yz", 1, 2))
 GREY = 128
 
 
 def point_rows(reconstruction: Reconstruction) -> Array:
     """(N,) structured array of `PROPERTIES`; error bars are nan where they are not known."""
-    rows = np.zeros(len(reconstruction.points), dtype=[(n, t) for n, t, _ in PROPERTIES])
+    rows = np.zeros(len(reconstruction.points), dtype=PROPERTIES)
     color = reconstruction.point_color
     covariance = reconstruction.point_covariance
     if covariance is None:
@@ -56,31 +58,17 @@ def point_rows(reconstruction: Reconstruction) -> Array:
 
 def write_points_ply(reconstruction: Reconstruction, path: Path) -> None:
     """Write the points of a model."""
-    rows = point_rows(reconstruction)
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        f"comment sigma and covariance in {reconstruction.world_unit}, gauge of smallest variance",
-        f"element vertex {len(rows)}",
-        *[f"property {kind} {name}" for name, _, kind in PROPERTIES],
-        "end_header",
-    ]
-    path.write_bytes("\n".join([*header, ""]).encode("ascii") + rows.tobytes())
+    unit = reconstruction.world_unit
+    comment = f"sigma and covariance in {unit}, gauge of smallest variance"
+    write_ply_file(path, point_rows(reconstruction), comment=comment)
 
 
 def read_points_ply(path: Path) -> Array:
     """The rows that `write_points_ply` wrote."""
-    data = path.read_bytes()
-    head, found, body = data.partition(b"end_header\n")
-    lines = head.decode("ascii", errors="replace").splitlines()
-    expected = [f"property {kind} {name}" for name, _, kind in PROPERTIES]
-    dtype = np.dtype([(n, t) for n, t, _ in PROPERTIES])
-    if not found or [x for x in lines if x.startswith("property")] != expected:
+    rows = read_ply_file(path).vertices
+    if rows.dtype != PROPERTIES:
         raise InputError(f"{path} is not a {FILE_NAME} of this program: run `semsfm map` again")
-    count = next((int(x.split()[2]) for x in lines if x.startswith("element vertex")), -1)
-    if len(body) != count * dtype.itemsize:
-        raise InputError(f"{path} is cut short: run `semsfm map` again")
-    return np.frombuffer(body, dtype=dtype)
+    return rows
 
 
 def covariance_of(rows: Array) -> Float:

@@ -17,7 +17,7 @@ import numpy as np
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.pinhole import pinhole_summary, scene_views
 from semsfm_colmap.exports.scene import ExportScene, Summary
-from semsfm_colmap.surface.files import write_ply
+from semsfm_colmap.io.ply import write_ply
 from semsfm_colmap.types import PointCloud
 
 FLIP = np.array([1.0, -1.0, -1.0])

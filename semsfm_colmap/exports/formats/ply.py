@@ -7,7 +7,7 @@ from pathlib import Path
 from semsfm_colmap.exports.cloud import oriented_points
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.scene import ExportScene, Summary
-from semsfm_colmap.surface.files import write_ply
+from semsfm_colmap.io.ply import write_ply
 
 
 def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:

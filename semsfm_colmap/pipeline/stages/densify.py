@@ -14,9 +14,10 @@ def run(on: StageRun) -> DensifyRecord:
     Where the depth maps agree on too little (few images, small angles) the fused cloud is the
     sparse one, and that is said.
     """
+    from semsfm_colmap.io.ply import write_ply
     from semsfm_colmap.surface.build import fuse_depth_maps
-    from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map, write_ply
-    from semsfm_colmap.surface.stereo.plane_sweep import sweep_depth_maps
+    from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map
+    from semsfm_colmap.surface.stereo.depth_maps import sweep_depth_maps
     from semsfm_colmap.surface.stereo.views import choose_references
 
     project, options = on.project, on.config.surface
@@ -27,7 +28,13 @@ def run(on: StageRun) -> DensifyRecord:
     names: list[str] = []
     with folder_aside(folder) as aside, on.reporter.progress("depth maps") as progress:
         for depth_map in sweep_depth_maps(
-            reconstruction, references, project.images, project.masks_or_none, options
+            reconstruction,
+            references,
+            project.images,
+            project.masks_or_none,
+            options,
+            parallel_map=on.executor.map,
+            num_at_a_time=on.executor.num_workers,
         ):
             write_depth_map(aside, depth_map)
             names.append(depth_map.image_name)

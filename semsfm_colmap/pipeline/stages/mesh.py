@@ -9,8 +9,9 @@ from semsfm_colmap.records import MeshRecord
 
 def run(on: StageRun) -> MeshRecord:
     """Mesh the fused cloud, then texture it where the libraries for that are there."""
+    from semsfm_colmap.io.ply import read_ply_cloud, write_ply
     from semsfm_colmap.surface import build
-    from semsfm_colmap.surface.files import read_ply_cloud, write_ply, write_textured
+    from semsfm_colmap.surface.files import write_textured
     from semsfm_colmap.surface.texture.atlas import texture_mesh
 
     project, options = on.project, on.config.surface

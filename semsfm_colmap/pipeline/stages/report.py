@@ -8,11 +8,11 @@ from semsfm_colmap.records import MapRecord, MatchRecord, ReportRecord
 
 def run(on: StageRun) -> ReportRecord:
     """Gather what the stages have left, and write the report."""
+    from semsfm_colmap.io.ply import read_ply_cloud, read_ply_mesh
     from semsfm_colmap.pipeline.record import versions
     from semsfm_colmap.report.inputs import ReportInputs, StageUsage
     from semsfm_colmap.report.metrics_json import metrics_json
     from semsfm_colmap.report.write import write_report
-    from semsfm_colmap.surface.files import read_ply_cloud, read_ply_mesh
 
     project, record = on.project, on.record
     reconstruction = project.read_main_model()

@@ -16,6 +16,10 @@ from semsfm_colmap.types import Array, Bool, Float, Int, PointCloud, Reconstruct
 
 MIN_CLOUD_POINTS = 20
 """Below this no plane fit, let alone a surface, means anything."""
+_LAYER_WIDTH = 1.2
+"""Points closer than this many spacings, seen along the normal, compete for one place."""
+_LAYER_DEPTH = 4.0
+"""Layers farther apart than this many spacings are different surfaces."""
 
 
 def sparse_cloud(reconstruction: Reconstruction, options: SurfaceOptions) -> PointCloud:
@@ -59,20 +63,6 @@ def select(cloud: PointCloud, keep: Array) -> PointCloud:
         normals=None if cloud.normals is None else cloud.normals[keep],
         colors=None if cloud.colors is None else cloud.colors[keep],
         sigma=None if cloud.sigma is None else cloud.sigma[keep],
-    )
-
-
-def concatenate(first: PointCloud, second: PointCloud) -> PointCloud:
-    """Both clouds in one; an attribute survives when both have it."""
-
-    def join(a: Array | None, b: Array | None) -> Array | None:
-        return None if a is None or b is None else np.concatenate([a, b])
-
-    return PointCloud(
-        points=np.concatenate([first.points, second.points]),
-        normals=join(first.normals, second.normals),
-        colors=join(first.colors, second.colors),
-        sigma=join(first.sigma, second.sigma),
     )
 
 
@@ -139,12 +129,6 @@ def smooth_along_normals(cloud: PointCloud, num_neighbors: int, num_iterations: 
         points += step[:, None] * normals
         normals = mean_normal / np.linalg.norm(mean_normal, axis=1, keepdims=True)
     return PointCloud(points=points, normals=normals, colors=cloud.colors, sigma=cloud.sigma)
-
-
-_LAYER_WIDTH = 1.2
-"""Points closer than this many spacings, seen along the normal, compete for one place."""
-_LAYER_DEPTH = 4.0
-"""Layers farther apart than this many spacings are different surfaces."""
 
 
 def dominant_layer(cloud: PointCloud, weight: Float, spacing: float) -> Bool:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.surface.depth_geometry import depth_map_unit
 from semsfm_colmap.surface.fusion.vote_kernels import add_votes
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.views import affine_sweep
@@ -36,29 +37,6 @@ class Votes:
     """(H, W) float32, the largest cosine between the normal and an agreeing map's direction"""
 
 
-def depth_map_unit(
-    cameras: OrthographicCameras, image_idx: int, image_size: Array, depth_map: DepthMap
-) -> float:
-    """World units per pixel of a depth map."""
-    scaling = np.mean(np.array(depth_map.depth.shape[::-1]) / np.asarray(image_size))
-    return float(1.0 / (cameras.scale_px_per_unit[image_idx] * scaling))
-
-
-def camera_normals(
-    cameras: OrthographicCameras, image_idx: int, scaling: Float, plane: Array
-) -> Array:
-    """Unit normals toward the viewer, in the camera frame, from slopes: (3, H, W) float32.
-
-    The slopes ``dz/dp`` per pixel of the depth map become ``dz/dx_cam = (S s K2)^T dz/dp`` with the
-    scaling S; the normal is ``(dz/dx, dz/dy, -1)``.
-    """
-    to_px = scaling[:, None] * cameras.scale_px_per_unit[image_idx] * cameras.K2
-    slope = np.einsum("ij,ihw->jhw", to_px, plane[1:])
-    normal = np.concatenate([slope, -np.ones_like(slope[:1])])
-    normal /= np.linalg.norm(normal, axis=0)
-    return np.ascontiguousarray(normal, dtype=np.float32)
-
-
 def vote(
     depth_map: DepthMap,
     normals: Array,
@@ -74,7 +52,7 @@ def vote(
     Parameters
     ----------
     depth_map : of image `image_idx`
-    normals : (3, H, W) from `camera_normals`
+    normals : (3, H, W) from `depth_geometry.camera_normals`
     image_idx : of the depth map
     others : image indices of the maps to ask
     load : gives the depth map of an image index

@@ -17,11 +17,11 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.normals import statistical_inliers
+from semsfm_colmap.surface.depth_geometry import back_project, depth_map_unit, planes_and_normals
 from semsfm_colmap.surface.fusion.cloud import dominant_layer, select, smooth_along_normals
-from semsfm_colmap.surface.fusion.consistency import camera_normals, depth_map_unit, vote
+from semsfm_colmap.surface.fusion.consistency import vote
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import raster_reader
-from semsfm_colmap.surface.stereo.refine_kernels import local_planes
 from semsfm_colmap.surface.stereo.views import choose_neighbors
 from semsfm_colmap.types import (
     Array,
@@ -41,6 +41,10 @@ _NUM_CACHED = 24
 """Depth maps kept in memory at a time."""
 _MERGE_ROWS = 2_000_000
 """Points gathered before they are merged into the grid: some 200 MB."""
+_MAX_SLANT_DEG = 75.0
+"""Steeper surface is left to images that see it better."""
+_MIN_FRONTALITY = 0.7
+"""A map leaves a pixel to the others when one of them sees its surface this much more frontally."""
 
 
 def fuse(
@@ -124,13 +128,13 @@ def _points(
     """Rows (weight, position, normal, grey, variance) of one map's accepted pixels: (n, 9)."""
     cameras = reconstruction.cameras
     sizes = reconstruction.image_size_px
-    unit = depth_map_unit(cameras, image_idx, sizes[image_idx], depth_map)
+    _, normals = planes_and_normals(
+        cameras, image_idx, sizes[image_idx], depth_map, options.slope_radius_px
+    )
     confidence = depth_map.confidence
     if confidence is None:
         confidence = np.isfinite(depth_map.depth).astype(np.float32)
-    plane = local_planes(depth_map.depth, confidence, options.slope_radius_px, 2.5 * unit)
     scaling = np.array(depth_map.depth.shape[::-1]) / sizes[image_idx]
-    normals = camera_normals(cameras, image_idx, scaling, plane)
     others = _others(cameras, image_idx, images, options)
     votes = vote(depth_map, normals, image_idx, others, load, cameras, sizes, options)
 
@@ -149,22 +153,6 @@ def _points(
     variance = share * (votes.spread[keep] ** 2 + (1.0 - share) * votes.offset[keep] ** 2)
     variance /= votes.agreeing[keep].astype(float) + 1.0
     return np.column_stack([total, points, normal, grey[keep], variance])
-
-
-def back_project(
-    cameras: OrthographicCameras, image_idx: int, scaling: Float, x: Int, y: Int, depth: Float
-) -> Float:
-    """World points of depth-map pixels: (n,), (n,), (n,) -> (n, 3)."""
-    xy = np.column_stack([x, y]) + 0.5
-    centred = xy / scaling - cameras.translation_px[image_idx]
-    flat = centred @ np.linalg.inv(cameras.K2).T / cameras.scale_px_per_unit[image_idx]
-    return np.asarray(np.column_stack([flat, depth]) @ cameras.cam_from_world[image_idx])
-
-
-_MAX_SLANT_DEG = 75.0
-"""Steeper surface is left to images that see it better."""
-_MIN_FRONTALITY = 0.7
-"""A map leaves a pixel to the others when one of them sees its surface this much more frontally."""
 
 
 def _others(

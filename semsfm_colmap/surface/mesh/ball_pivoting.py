@@ -14,10 +14,11 @@ from __future__ import annotations
 import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.geometry.normals import sampling_distance
 from semsfm_colmap.io.open3d_library import import_open3d
 from semsfm_colmap.surface.fusion.cloud import MIN_CLOUD_POINTS, smooth_along_normals, thin
-from semsfm_colmap.surface.mesh.repair import compact, repair, vertex_normals
+from semsfm_colmap.surface.mesh.repair import compact, repair
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Array, Float, Int, PointCloud, TriangleMesh
 

@@ -41,12 +41,6 @@ def num_boundary_edges(faces: Int) -> int:
     return int(np.sum(opposite_halfedge(faces) < 0))
 
 
-def is_edge_manifold(faces: Int) -> bool:
-    """Whether each edge has at most two faces, which agree on their outside."""
-    key = directed_keys(faces, int(faces.max(initial=0)) + 1)
-    return len(np.unique(key)) == len(key)
-
-
 def component_labels(faces: Int) -> Int:
     """The connected piece that each face belongs to: (F,)."""
     from scipy.sparse import coo_array

@@ -13,6 +13,12 @@ import numpy as np
 from semsfm_colmap.surface.mesh.halfedges import directed_keys, next_in_face, opposite_halfedge
 from semsfm_colmap.types import Float, Int
 
+_SLIVER_WEIGHT = 0.1
+_SMALL_LOOP = 12
+"""Holes with so few edges are closed even by a lid, such as the tip of a needle."""
+_MIN_LID_COSINE = 0.5
+"""Cosine between a larger filling and the mean normal around it."""
+
 
 def boundary_loops(faces: Int) -> list[Int]:
     """The holes' boundaries, in the direction that a filling face needs, no vertex twice in one."""
@@ -140,13 +146,6 @@ def best_triangulation(polygon: Float, free: Int | None = None) -> Int | None:
         triangles.append((low, middle, high))
         open_parts += [(low, middle), (middle, high)]
     return np.array(triangles, dtype=np.int64)
-
-
-_SLIVER_WEIGHT = 0.1
-_SMALL_LOOP = 12
-"""Holes with so few edges are closed even by a lid, such as the tip of a needle."""
-_MIN_LID_COSINE = 0.5
-"""Cosine between a larger filling and the mean normal around it."""
 
 
 def triangle_cost(a: Float, b: Float, c: Float) -> Float:

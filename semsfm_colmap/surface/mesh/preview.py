@@ -1,9 +1,8 @@
-"""Shaded pictures of meshes and clouds without a graphics card: parallel rays and Lambert's law.
+"""Shaded pictures of meshes without a graphics card: parallel rays and Lambert's law.
 
 The picture is what an orthographic camera sees. A key light from the upper left and a fill light
 from the viewer add up, ``brightness = ambient + key max(0, n . l) + fill max(0, n . v)``. Faces
-seen from inside are tinted, so that holes and flipped patches show. Used by the report and the
-documentation.
+seen from inside are tinted, so that holes and flipped patches show. Used for the documentation.
 """
 
 from __future__ import annotations
@@ -11,17 +10,15 @@ from __future__ import annotations
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.geometry.normals import sampling_distance
+from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
+from semsfm_colmap.geometry.rays import ray_scene, ray_tensor
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.io.open3d_library import import_open3d
-from semsfm_colmap.surface.mesh.repair import face_normals, vertex_normals
-from semsfm_colmap.types import Array, Float, PointCloud, TriangleMesh
+from semsfm_colmap.types import Array, Float, TriangleMesh
 
 _LIGHT_CAM = np.array([-0.45, -0.55, -0.70]) / np.linalg.norm([-0.45, -0.55, -0.70])
 """From the surface to the light, in the camera frame (x right, y down, z away)."""
 _AMBIENT, _KEY, _FILL = 0.12, 0.55, 0.45
 """Shares of the lights; what exceeds 1 is white."""
-_MAX_DOT_PX = 8
 _MARGIN = 0.05
 """Free border, as a share of the picture."""
 SURFACE_GREY = (205, 205, 210)
@@ -62,20 +59,16 @@ def render_mesh(
     """
     if len(mesh.faces) == 0:
         raise UsageError("mesh has no faces: there is nothing to render.")
-    o3d = import_open3d()
     R = np.eye(3) if cam_from_world is None else np.asarray(cam_from_world)
     vertices = mesh.vertices @ R.T
     width, height = (supersampling * s for s in size_px)
     origin, pixel = _fit(vertices, width, height)
 
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(vertices.astype(np.float32), mesh.faces.astype(np.uint32))
     u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     depth = np.full(u.shape, vertices[:, 2].min() - pixel)
     start = np.stack([origin[0] + u * pixel, origin[1] + v * pixel, depth], axis=-1)
-    toward = np.broadcast_to([0.0, 0.0, 1.0], start.shape)
-    rays = np.concatenate([start, toward], axis=-1).astype(np.float32)
-    hit = scene.cast_rays(o3d.core.Tensor(rays))
+    rays = ray_tensor(start, np.array([0.0, 0.0, 1.0]))
+    hit = ray_scene(vertices, mesh.faces).cast_rays(rays)
     seen = np.isfinite(hit["t_hit"].numpy())
     face = hit["primitive_ids"].numpy()[seen].astype(np.int64)
     bary = hit["primitive_uvs"].numpy()[seen].astype(np.float64)
@@ -100,68 +93,6 @@ def render_mesh(
     canvas[:] = BACKGROUND
     canvas[seen] = color * (1.0 if use_colors else _lambert(normal)[:, None])
     return _downsample(canvas, supersampling)
-
-
-def render_cloud(
-    cloud: PointCloud,
-    cam_from_world: Float | None = None,
-    *,
-    size_px: tuple[int, int] = (640, 480),
-    use_colors: bool = False,
-    point_px: int | None = None,
-    supersampling: int = 2,
-) -> Array:
-    """Picture of a cloud as square dots with a depth buffer, shaded by the normals.
-
-    Points whose normals turn away from the viewer are tinted. Parameters as `render_mesh`;
-    `point_px` is the dot's width; by default such that neighbouring dots touch and hide what is
-    behind them.
-    """
-    if len(cloud.points) == 0:
-        raise UsageError("cloud has no points: there is nothing to render.")
-    R = np.eye(3) if cam_from_world is None else np.asarray(cam_from_world)
-    points = cloud.points @ R.T
-    width, height = (supersampling * s for s in size_px)
-    origin, pixel = _fit(points, width, height)
-    color = np.tile(np.asarray(SURFACE_GREY, dtype=np.float64), (len(points), 1))
-    if use_colors and cloud.colors is not None:
-        color = np.broadcast_to(cloud.colors, points.shape).astype(np.float64)
-    if cloud.normals is not None:
-        normal = cloud.normals @ R.T
-        inside = normal[:, 2] > 0
-        color = np.where(inside[:, None], np.asarray(INSIDE_COLOR, dtype=float), color)
-        normal = np.where(inside[:, None], -normal, normal)
-        if not use_colors:
-            color = color * _lambert(normal)[:, None]
-
-    if point_px is None:
-        gap = sampling_distance(points) if len(points) > 8 else 0.0
-        point_px = int(np.clip(np.ceil(gap / pixel / supersampling), 2, _MAX_DOT_PX))
-    order = np.argsort(-points[:, 2], kind="stable")
-    corner = np.floor((points[order, :2] - origin) / pixel - 0.5 * (point_px * supersampling - 1))
-    canvas = np.empty((height, width, 3))
-    canvas[:] = BACKGROUND
-    nearest = np.full((height, width), -1, dtype=np.int64)
-    rank = np.arange(len(order))
-    for dy in range(point_px * supersampling):
-        for dx in range(point_px * supersampling):
-            x, y = (corner + np.array([dx, dy])).astype(np.int64).T
-            ok = (x >= 0) & (y >= 0) & (x < width) & (y < height)
-            np.maximum.at(nearest, (y[ok], x[ok]), rank[ok])
-    seen = nearest >= 0
-    canvas[seen] = color[order][nearest[seen]]
-    return _downsample(canvas, supersampling)
-
-
-def contact_sheet(pictures: list[Array], num_columns: int) -> Array:
-    """Pictures of one size side by side, row by row."""
-    height, width = pictures[0].shape[:2]
-    num_rows = -(-len(pictures) // num_columns)
-    sheet = np.full((num_rows * height, num_columns * width, 3), 255, dtype=np.uint8)
-    for k, picture in enumerate(pictures):
-        row, column = divmod(k, num_columns)
-        sheet[row * height : (row + 1) * height, column * width : (column + 1) * width] = picture
-    return sheet
 
 
 def _fit(points: Float, width: int, height: int) -> tuple[Float, float]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from semsfm_colmap.geometry.mesh_normals import face_normals
 from semsfm_colmap.surface.mesh.halfedges import (
     component_labels,
     directed_keys,
@@ -55,24 +56,6 @@ def drop_degenerate(vertices: Float, faces: Int) -> Int:
     faces = faces[keep]
     _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
     return np.asarray(faces[np.sort(first)])
-
-
-def face_normals(vertices: Float, faces: Int) -> Float:
-    """(F, 3) normals with twice the area as their length."""
-    corner = vertices[faces]
-    return np.asarray(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]))
-
-
-def vertex_normals(vertices: Float, faces: Int) -> Float:
-    """(V, 3) unit means of the adjacent face normals, weighted with area."""
-    total = np.zeros_like(vertices, dtype=np.float64)
-    normal = face_normals(vertices, faces)
-    for k in range(3):
-        for axis in range(3):
-            total[:, axis] += np.bincount(
-                faces[:, k], weights=normal[:, axis], minlength=len(vertices)
-            )
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))
 
 
 def face_outside(vertices: Float, faces: Int, normals: Float) -> Int:

@@ -17,6 +17,8 @@ _MIN_REGION = 0.002
 """Share of the image that an uncorrelated region must cover to count as background."""
 _MIN_CONTRAST_SIGMA = 4.0
 """Specimen and background must differ by this many deviations of the noise to be told apart."""
+_UNCORRELATED = 0.35
+"""Mean of the best correlation over a window: noise reaches 0.2 to 0.3, texture 0.6 and more."""
 
 
 def uncorrelated_region(correlation: Array, radius: int) -> Bool:
@@ -61,7 +63,3 @@ def background(grey: Array, empty: Bool, halo: int, noise: float) -> Bool:
     known = (weight_out > 1e-3) & (weight_in > 1e-3) & (contrast > _MIN_CONTRAST_SIGMA * noise)
     calm = cv2.GaussianBlur(grey, (0, 0), 0.7)
     return np.asarray(empty | (known & near & (calm < dark + 0.5 * contrast)))
-
-
-_UNCORRELATED = 0.35
-"""Mean of the best correlation over a window: noise reaches 0.2 to 0.3, texture 0.6 and more."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.pixel_noise import quiet_noise_level
+from semsfm_colmap.io.grey import read_grey
 from semsfm_colmap.types import Array, Bool
 
 
@@ -38,9 +39,7 @@ def read_raster(
     import cv2
 
     path = image_path / name
-    grey = _read_grey(path)
-    if grey is None:
-        raise InputError(f"{path} cannot be read as an image: prepare the images again.")
+    grey = read_grey(path)
     if (grey.shape[1], grey.shape[0]) != tuple(size):
         raise InputError(
             f"{path} is {grey.shape[1]} x {grey.shape[0]} px but the reconstruction says "
@@ -51,24 +50,12 @@ def read_raster(
     usable = np.ones(small.shape, dtype=bool)
     mask_file = None if mask_path is None else mask_path / f"{name}.png"
     if mask_file is not None and mask_file.exists():
-        mask = _read_grey(mask_file)
-        if mask is None or mask.shape != grey.shape:
+        mask = read_grey(mask_file)
+        if mask.shape != grey.shape:
             raise InputError(f"{mask_file} is not a mask of the size of {path}: delete or redo it.")
         shrunk = cv2.resize((mask > 0).astype(np.float32), target, interpolation=cv2.INTER_AREA)
         usable = shrunk > 0.5
     return Raster(grey=small, usable=usable, noise=quiet_noise_level(small))
-
-
-def _read_grey(path: Path) -> Array | None:
-    """Pixels of an image file, or None; through numpy, as cv2.imread cannot open every path."""
-    import cv2
-
-    try:
-        data = np.fromfile(path, dtype=np.uint8)
-        grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if len(data) else None
-    except (OSError, cv2.error):
-        return None
-    return None if grey is None else np.asarray(grey)
 
 
 def raster_reader(

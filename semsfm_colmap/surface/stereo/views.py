@@ -18,6 +18,11 @@ import numpy as np
 
 from semsfm_colmap.types import Float, Int, OrthographicCameras, Reconstruction
 
+_MIN_DEPTH_MARGIN_PX = 20.0
+"""Depth beyond the sparse points that is searched at least: relief they may have missed."""
+_MAX_FALLBACK_DEG = 35.0
+"""Beyond this the two pictures of a rough surface no longer correlate."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AffineSweep:
@@ -98,12 +103,6 @@ def choose_neighbors(
         distance = np.minimum(distance, np.linalg.norm(d[candidates] - d[candidates[best]], axis=1))
     out = np.array(taken, dtype=np.int64)
     return out[np.argsort(angle[out], kind="stable")]
-
-
-_MIN_DEPTH_MARGIN_PX = 20.0
-"""Depth beyond the sparse points that is searched at least: relief they may have missed."""
-_MAX_FALLBACK_DEG = 35.0
-"""Beyond this the two pictures of a rough surface no longer correlate."""
 
 
 def choose_references(cameras: OrthographicCameras, max_num: int) -> Int:

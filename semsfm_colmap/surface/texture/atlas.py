@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
+from semsfm_colmap.geometry.rays import ray_scene, ray_tensor
 from semsfm_colmap.io.open3d_library import import_open3d
-from semsfm_colmap.surface.mesh.repair import vertex_normals
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import read_raster
 from semsfm_colmap.surface.texture.texture_kernels import add_image, rasterize
@@ -33,6 +34,8 @@ _RAY_START_PX = 2.0
 _NUM_GAIN_ROUNDS = 8
 _BORDER_TEXELS = 2.0
 """Width of the border around each chart; the packer keeps charts twice as far apart."""
+_PACKING = 0.7
+"""Share of the atlas that charts cover."""
 
 
 def texture_mesh(
@@ -121,9 +124,7 @@ def view_weights(mesh: TriangleMesh, reconstruction: Reconstruction, start: floa
     Zero where the vertex is outside the image, hidden, or seen at a grazing angle; else
     ``(cos / best cos)^12`` with the cosine of the angle between normal and viewing direction.
     """
-    o3d = import_open3d()
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
+    scene = ray_scene(mesh.vertices, mesh.faces)
     normals = vertex_normals(mesh.vertices, mesh.faces)
     direction = reconstruction.cameras.viewing_direction
     cosine = np.zeros((reconstruction.num_images, len(mesh.vertices)), dtype=np.float32)
@@ -133,8 +134,7 @@ def view_weights(mesh: TriangleMesh, reconstruction: Reconstruction, start: floa
         inside = ((xy > 1.0) & (xy < reconstruction.image_size_px[i] - 1.0)).all(axis=1)
         idx = np.flatnonzero(inside & (towards > _MIN_COSINE))
         origin = mesh.vertices[idx] + start * (normals[idx] - direction[i])
-        rays = np.column_stack([origin, np.broadcast_to(-direction[i], origin.shape)])
-        hidden = scene.test_occlusions(o3d.core.Tensor(rays.astype(np.float32))).numpy()
+        hidden = scene.test_occlusions(ray_tensor(origin, -direction[i])).numpy()
         cosine[i, idx[~hidden]] = towards[idx[~hidden]]
     best = np.maximum(cosine.max(axis=0), 1e-6)
     weight = (cosine / best) ** _SHARPNESS
@@ -205,11 +205,8 @@ def _atlas(mesh: TriangleMesh, unit: float, max_size: int) -> tuple[Float, int]:
     """
     import xatlas
 
-    corner = mesh.vertices[mesh.faces]
-    area = np.linalg.norm(
-        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1
-    )
-    wanted = np.sqrt(0.5 * area.sum() / unit**2 / _PACKING)
+    double_area = np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1)
+    wanted = np.sqrt(0.5 * double_area.sum() / unit**2 / _PACKING)
     size = min(max(256, 256 * int(np.ceil(wanted / 256.0))), max_size)
     atlas = xatlas.Atlas()
     vertices = ((mesh.vertices - mesh.vertices.mean(axis=0)) / unit).astype(np.float32)
@@ -222,7 +219,3 @@ def _atlas(mesh: TriangleMesh, unit: float, max_size: int) -> tuple[Float, int]:
     atlas.generate(charts, packing)
     _, faces, uv = atlas[0]
     return np.asarray(uv, dtype=np.float64)[faces.astype(np.int64)], size
-
-
-_PACKING = 0.7
-"""Share of the atlas that charts cover."""

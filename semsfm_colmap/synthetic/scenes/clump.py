@@ -4,16 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.synthetic.noise import domes, fractal_noise, scattered_directions
-from semsfm_colmap.synthetic.primitives import (
-    SPHERE_EDGE,
-    Mesh,
-    geodesic_sphere,
-    merged,
-    sweep,
-    vertex_normals,
-)
+from semsfm_colmap.synthetic.primitives import SPHERE_EDGE, Mesh, geodesic_sphere, merged, sweep
 from semsfm_colmap.synthetic.scenes.base import SPECIMEN, SUPPORT, Specimen, View
 from semsfm_colmap.types import Float
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.synthetic.noise import domes, fractal_noise
-from semsfm_colmap.synthetic.primitives import grid_faces, vertex_normals
+from semsfm_colmap.synthetic.primitives import grid_faces
 from semsfm_colmap.synthetic.scenes.base import SPECIMEN, Specimen, View
 from semsfm_colmap.types import Float
 

@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.synthetic.noise import (
     domes,
     fractal_noise,
     scattered_directions,
     smooth_noise,
 )
-from semsfm_colmap.synthetic.primitives import (
-    SPHERE_EDGE,
-    Mesh,
-    geodesic_sphere,
-    merged,
-    tube,
-    vertex_normals,
-)
+from semsfm_colmap.synthetic.primitives import SPHERE_EDGE, Mesh, geodesic_sphere, merged, tube
 from semsfm_colmap.synthetic.scenes.base import SPECIMEN, SUPPORT, Specimen, View
 from semsfm_colmap.types import Float
 

@@ -11,9 +11,9 @@ import pytest
 from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.config import Config
 from semsfm_colmap.evaluation.truth import Truth, load_truth
+from semsfm_colmap.io.ply import read_ply_mesh
 from semsfm_colmap.pipeline.evaluate import evaluate_project
 from semsfm_colmap.pipeline.runner import run_stages
-from semsfm_colmap.surface.files import read_ply_mesh
 from semsfm_colmap.synthetic.options import SynthesizeOptions
 from semsfm_colmap.synthetic.series import synthesize
 from semsfm_colmap.types import Float, OrthographicCameras, Reconstruction, TriangleMesh

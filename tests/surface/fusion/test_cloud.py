@@ -7,7 +7,6 @@ import pytest
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.surface.fusion.cloud import (
-    concatenate,
     dominant_layer,
     select,
     smooth_along_normals,
@@ -17,6 +16,13 @@ from semsfm_colmap.surface.fusion.cloud import (
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import PointCloud
 from tests.surface.scene import RADIUS, ball_points, reconstruction_of, turning_cameras
+
+
+def together(first: PointCloud, second: PointCloud) -> PointCloud:
+    return PointCloud(
+        points=np.concatenate([first.points, second.points]),
+        normals=np.concatenate([first.normals, second.normals]),
+    )
 
 
 def ball_cloud(num: int, noise: float = 0.0) -> PointCloud:
@@ -97,28 +103,26 @@ def test_smoothing_takes_out_noise_and_does_not_shrink_a_ball() -> None:
 
 
 def test_smoothing_leaves_the_two_sides_of_a_thin_sheet_apart() -> None:
-    sheet = concatenate(flat_cloud(0.0, -1.0), flat_cloud(0.2, 1.0))
+    sheet = together(flat_cloud(0.0, -1.0), flat_cloud(0.2, 1.0))
     smooth = smooth_along_normals(sheet, 16, 3)
     np.testing.assert_allclose(smooth.points[:, 2], sheet.points[:, 2], atol=1e-12)
 
 
 def test_of_two_layers_that_face_the_same_way_the_lighter_one_goes() -> None:
-    both = concatenate(flat_cloud(0.0, -1.0), flat_cloud(2.0, -1.0))
+    both = together(flat_cloud(0.0, -1.0), flat_cloud(2.0, -1.0))
     keep = dominant_layer(both, np.repeat([10.0, 1.0], 400), 1.0)
     assert keep[:400].all()
     assert keep[400:].mean() < 0.05
 
 
 def test_two_layers_that_face_opposite_ways_both_stay() -> None:
-    both = concatenate(flat_cloud(0.0, -1.0), flat_cloud(2.0, 1.0))
+    both = together(flat_cloud(0.0, -1.0), flat_cloud(2.0, 1.0))
     assert dominant_layer(both, np.repeat([10.0, 1.0], 400), 1.0).all()
 
 
-def test_joining_clouds_keeps_the_attributes_both_have() -> None:
-    first = PointCloud(points=np.zeros((2, 3)), sigma=np.ones(2))
-    second = PointCloud(points=np.ones((1, 3)), normals=np.ones((1, 3)), sigma=np.ones(1))
-    joined = concatenate(first, second)
-    assert joined.normals is None
-    assert joined.sigma is not None
-    assert len(joined.sigma) == 3
-    assert len(select(joined, np.array([True, False, True])).points) == 2
+def test_selected_points_keep_the_attributes_the_cloud_has() -> None:
+    cloud = PointCloud(points=np.zeros((3, 3)), sigma=np.array([1.0, 2.0, 3.0]))
+    some = select(cloud, np.array([True, False, True]))
+    assert len(some.points) == 2
+    assert some.normals is None
+    np.testing.assert_array_equal(some.sigma, [1.0, 3.0])

@@ -10,13 +10,14 @@ import pytest
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.surface.build import coverage, fuse_depth_maps, mesh
+from semsfm_colmap.surface.depth_geometry import camera_normals
 from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map
-from semsfm_colmap.surface.fusion.consistency import Votes, camera_normals, vote
-from semsfm_colmap.surface.fusion.fuse import back_project, fuse
-from semsfm_colmap.surface.mesh.halfedges import is_edge_manifold
+from semsfm_colmap.surface.fusion.consistency import Votes, vote
+from semsfm_colmap.surface.fusion.fuse import fuse
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.refine_kernels import local_planes
 from semsfm_colmap.types import DepthMap, PointCloud, Reconstruction
+from tests.oracles.surface import is_edge_manifold
 from tests.surface.scene import (
     HEIGHT,
     RADIUS,
@@ -88,16 +89,6 @@ def test_a_point_in_front_of_another_surface_is_contradicted_one_behind_is_not()
     behind, _ = plane_votes(-20.0)
     assert (behind.agreeing[inner] == 0).all()
     assert (behind.contradicting[inner] == 0).all()
-
-
-def test_pixels_go_back_to_where_they_came_from() -> None:
-    cameras = turning_cameras([37.0], aspect=1.1, skew=0.03)
-    points = np.random.default_rng(0).normal(size=(10, 3))
-    scaling = np.array([0.5, 0.25])
-    xy = cameras.project(points, np.zeros(10, dtype=np.int64)) * scaling
-    depth = points @ cameras.viewing_direction[0]
-    back = back_project(cameras, 0, scaling, xy[:, 0] - 0.5, xy[:, 1] - 0.5, depth)
-    np.testing.assert_allclose(back, points, atol=1e-9)
 
 
 def test_true_depth_maps_fuse_to_the_ball(

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.geometry.mesh_normals import face_normals
 from semsfm_colmap.surface.mesh.ball_pivoting import mesh_cloud
 from semsfm_colmap.surface.mesh.halfedges import (
     component_labels,
-    is_edge_manifold,
     num_boundary_edges,
 )
-from semsfm_colmap.surface.mesh.repair import face_normals
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import PointCloud, TriangleMesh
+from tests.oracles.surface import is_edge_manifold
 from tests.surface.scene import RADIUS, ball_points
 
 Method = Literal["ball_pivoting", "poisson"]

@@ -9,13 +9,10 @@ from semsfm_colmap.errors import UsageError
 from semsfm_colmap.surface.mesh.preview import (
     BACKGROUND,
     INSIDE_COLOR,
-    contact_sheet,
-    render_cloud,
     render_mesh,
     turntable,
 )
-from semsfm_colmap.types import PointCloud, TriangleMesh
-from tests.surface.scene import RADIUS, ball_points
+from semsfm_colmap.types import TriangleMesh
 
 SIZE = (90, 60)
 
@@ -90,17 +87,6 @@ def test_the_nearer_surface_hides_the_farther_one() -> None:
     assert render_mesh(back, turned, size_px=SIZE, use_colors=True)[30, 45, 0] == 10
 
 
-def test_a_cloud_hides_its_far_side_and_tints_what_turns_away() -> None:
-    points = ball_points(20_000)
-    cloud = PointCloud(points=points, normals=points / RADIUS)
-    picture = render_cloud(cloud, size_px=SIZE, point_px=3)
-    centre = picture[25:35, 40:50].reshape(-1, 3).astype(int)
-    assert (np.abs(centre[:, 0] - centre[:, 2]) < 12).all()
-    inverted = PointCloud(points=points, normals=-points / RADIUS)
-    tinted = render_cloud(inverted, size_px=SIZE, point_px=3)[25:35, 40:50].reshape(-1, 3)
-    assert (tinted[:, 0].astype(int) > tinted[:, 2].astype(int) + 20).all()
-
-
 def test_a_turntable_turns_about_the_upright_axis_of_the_image() -> None:
     views = turntable(np.eye(3), np.array([0.0, 90.0]))
     np.testing.assert_allclose(views[0], np.eye(3))
@@ -108,17 +94,6 @@ def test_a_turntable_turns_about_the_upright_axis_of_the_image() -> None:
     np.testing.assert_allclose(views[1] @ [0, 0, 1], [1, 0, 0], atol=1e-12)
 
 
-def test_pictures_are_laid_out_row_by_row() -> None:
-    tiles = [np.full((2, 3, 3), k, dtype=np.uint8) for k in range(3)]
-    sheet = contact_sheet(tiles, 2)
-    assert sheet.shape == (4, 6, 3)
-    assert sheet[0, 4, 0] == 1
-    assert sheet[3, 0, 0] == 2
-    assert sheet[3, 5, 0] == 255
-
-
 def test_nothing_to_render_is_misuse() -> None:
     with pytest.raises(UsageError, match="no faces"):
         render_mesh(TriangleMesh(vertices=np.eye(3), faces=np.zeros((0, 3), dtype=np.int64)))
-    with pytest.raises(UsageError, match="no points"):
-        render_cloud(PointCloud(points=np.zeros((0, 3))))

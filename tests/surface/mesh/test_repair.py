@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
 from semsfm_colmap.surface.mesh.halfedges import (
     component_labels,
-    is_edge_manifold,
     next_in_face,
     num_boundary_edges,
     opposite_halfedge,
@@ -25,13 +25,11 @@ from semsfm_colmap.surface.mesh.repair import (
     drop_degenerate,
     drop_fins,
     drop_small_components,
-    face_normals,
     face_outside,
     repair,
-    vertex_normals,
 )
 from semsfm_colmap.types import Float, Int
-from tests.oracles.surface import boundary_edges, least_triangulation_cost
+from tests.oracles.surface import boundary_edges, is_edge_manifold, least_triangulation_cost
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from semsfm_colmap.surface.build import densify
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.surface.stereo.plane_sweep import sweep_depth_maps
+from semsfm_colmap.surface.stereo import depth_maps
+from semsfm_colmap.surface.stereo.depth_maps import sweep_depth_maps
+from semsfm_colmap.surface.stereo.views import choose_references
 from semsfm_colmap.types import OrthographicCameras, Reconstruction
 from tests.surface.scene import (
     HEIGHT,
@@ -98,20 +100,42 @@ def test_maps_come_in_order_and_do_not_depend_on_who_computes_them(
     ball: tuple[Reconstruction, Path],
 ) -> None:
     reconstruction, folder = ball
-    steps: list[tuple[int, int]] = []
-    maps = densify(
-        reconstruction, folder, None, OPTIONS, progress=lambda done, num: steps.append((done, num))
-    )
+    with ThreadPoolExecutor(3) as pool:
+        maps = list(
+            sweep_depth_maps(
+                reconstruction,
+                np.arange(7),
+                folder,
+                None,
+                OPTIONS,
+                parallel_map=pool.map,
+                num_at_a_time=3,
+            )
+        )
     assert [m.image_name for m in maps] == list(reconstruction.image_names)
-    assert steps == [(k + 1, 7) for k in range(7)]
     (alone,) = sweep_depth_maps(reconstruction, np.array([5]), folder, None, OPTIONS)
     np.testing.assert_array_equal(maps[5].depth, alone.depth)
 
 
-def test_fewer_maps_are_made_when_fewer_are_asked_for(ball: tuple[Reconstruction, Path]) -> None:
+def test_a_map_is_made_when_it_is_asked_for(
+    ball: tuple[Reconstruction, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+    monkeypatch.setattr(
+        depth_maps, "sweep_depth_map", lambda _, reference, *rest: made.append(reference)
+    )
+    maps = sweep_depth_maps(ball[0], np.arange(7), ball[1], None, OPTIONS)
+    next(maps)
+    assert made == [0]
+
+
+def test_maps_of_few_images_are_smaller_when_that_is_asked_for(
+    ball: tuple[Reconstruction, Path],
+) -> None:
     reconstruction, folder = ball
-    options = SurfaceOptions(max_depth_map_size_px=80, max_num_depth_maps=2)
-    maps = densify(reconstruction, folder, None, options)
+    options = SurfaceOptions(max_depth_map_size_px=80)
+    references = choose_references(reconstruction.cameras, 2)
+    maps = list(sweep_depth_maps(reconstruction, references, folder, None, options))
     assert [m.image_name for m in maps] == ["view_00.png", "view_06.png"]
     assert maps[0].depth.shape == (60, 80)
 

@@ -1,0 +1,163 @@
+"""PLY files: vertices with named properties, and triangles; clouds and meshes as such.
+
+Binary little-endian. Clouds and meshes have float32 positions, normals, ``red green blue`` and, for
+clouds, a ``sigma`` attribute in world units: what open3d, MeshLab and CloudCompare read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.atomic import file_aside
+from semsfm_colmap.types import Array, Int, PointCloud, TriangleMesh
+
+_TYPES = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2",
+    "ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
+    "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
+}  # fmt: skip
+_NAMES = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}
+_FACE = np.dtype([("n", "u1"), ("v", "<i4", 3)])
+_POSITION, _NORMAL, _COLOR = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blue")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlyFile:
+    """What a PLY file holds."""
+
+    vertices: Array
+    """(V,) structured: one field a property"""
+    faces: Int | None
+    """(F, 3); None when the file speaks of none"""
+
+
+def write_ply_file(
+    path: Path, vertices: Array, faces: Array | None = None, *, comment: str
+) -> None:
+    """Write vertices, a structured array (V,), and triangles (F, 3)."""
+    lines = ["ply", "format binary_little_endian 1.0", f"comment {comment}"]
+    lines.append(f"element vertex {len(vertices)}")
+    assert vertices.dtype.fields is not None
+    for name, (kind, *_) in vertices.dtype.fields.items():
+        lines.append(f"property {_NAMES[kind.str[1:]]} {name}")
+    rows = np.empty(0 if faces is None else len(faces), dtype=_FACE)
+    if faces is not None:
+        rows["n"], rows["v"] = 3, faces
+        lines += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    with file_aside(path) as aside, aside.open("wb") as file:
+        file.write(("\n".join([*lines, "end_header"]) + "\n").encode("ascii"))
+        file.write(vertices.tobytes())
+        file.write(rows.tobytes())
+
+
+def read_ply_file(path: Path) -> PlyFile:
+    """Read vertices and triangles.
+
+    Raises
+    ------
+    InputError
+        When the file is not there, of another kind, cut short, or its faces are no triangles.
+
+    """
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist.") from None
+    header, marker, body = data.partition(b"end_header\n")
+    lines = header.decode("ascii", "replace").split("\n")
+    if not marker or lines[0].strip() != "ply" or "binary_little_endian" not in lines[1]:
+        raise InputError(f"{path} is not a binary little-endian PLY file: convert it to one.")
+    counts: dict[str, int] = {}
+    kinds: list[tuple[str, str]] = []
+    element = ""
+    for line in lines[2:]:
+        word = line.split()
+        if word[:1] == ["element"]:
+            element = word[1]
+            counts[element] = int(word[2])
+        elif word[:1] == ["property"] and element == "vertex":
+            kinds.append((word[2], "<" + _TYPES[word[1]]))
+    rows = np.dtype(kinds)
+    num, num_faces = counts.get("vertex", 0), counts.get("face", 0)
+    if len(body) < num * rows.itemsize + num_faces * _FACE.itemsize:
+        raise InputError(f"{path} is cut short: write it again.")
+    vertices = np.frombuffer(body, dtype=rows, count=num)
+    if "face" not in counts:
+        return PlyFile(vertices=vertices, faces=None)
+    faces = np.frombuffer(body, dtype=_FACE, count=num_faces, offset=num * rows.itemsize)
+    if np.any(faces["n"] != 3):
+        raise InputError(f"{path} has faces that are not triangles: triangulate it.")
+    return PlyFile(vertices=vertices, faces=faces["v"].astype(np.int64))
+
+
+def write_ply(path: Path | str, surface: PointCloud | TriangleMesh) -> None:
+    """Write a cloud or a mesh."""
+    if isinstance(surface, TriangleMesh):
+        rows = _vertex_rows(surface.vertices, surface.vertex_normals, surface.vertex_colors, None)
+        faces = surface.faces
+    else:
+        rows = _vertex_rows(surface.points, surface.normals, surface.colors, surface.sigma)
+        faces = None
+    write_ply_file(Path(path), rows, faces, comment="semsfm_colmap")
+
+
+def read_ply_cloud(path: Path | str) -> PointCloud:
+    """Read the points of a file, with the attributes it has."""
+    rows = read_ply_file(Path(path)).vertices
+    sigma = rows["sigma"].astype(np.float64) if "sigma" in (rows.dtype.names or ()) else None
+    return PointCloud(
+        points=_columns(rows, _POSITION, np.float64, path),
+        normals=_optional(rows, _NORMAL, np.float64),
+        colors=_optional(rows, _COLOR, np.uint8),
+        sigma=sigma,
+    )
+
+
+def read_ply_mesh(path: Path | str) -> TriangleMesh:
+    """Read a triangle mesh, with the attributes it has."""
+    file = read_ply_file(Path(path))
+    if file.faces is None:
+        raise InputError(f"{path} has no faces: it is a point cloud, not a mesh.")
+    return TriangleMesh(
+        vertices=_columns(file.vertices, _POSITION, np.float64, path),
+        faces=file.faces,
+        vertex_normals=_optional(file.vertices, _NORMAL, np.float64),
+        vertex_colors=_optional(file.vertices, _COLOR, np.uint8),
+    )
+
+
+def _vertex_rows(
+    points: Array, normals: Array | None, colors: Array | None, sigma: Array | None
+) -> Array:
+    columns: list[tuple[Sequence[str], str, Array]] = [(_POSITION, "<f4", points)]
+    if normals is not None:
+        columns.append((_NORMAL, "<f4", normals))
+    if colors is not None:
+        columns.append((_COLOR, "u1", np.broadcast_to(colors, (len(points), 3))))
+    if sigma is not None:
+        columns.append((("sigma",), "<f4", sigma[:, None]))
+    kinds = [(name, kind) for names, kind, _ in columns for name in names]
+    rows = np.empty(len(points), dtype=kinds)
+    for names, _, values in columns:
+        for k, name in enumerate(names):
+            rows[name] = values[:, k]
+    return rows
+
+
+def _columns(rows: Array, names: tuple[str, ...], kind: Any, path: Path | str) -> Array:
+    out = _optional(rows, names, kind)
+    if out is None:
+        raise InputError(f"{path} has no properties {' '.join(names)}.")
+    return out
+
+
+def _optional(rows: Array, names: tuple[str, ...], kind: Any) -> Array | None:
+    if not set(names) <= set(rows.dtype.names or ()):
+        return None
+    return np.stack([rows[name] for name in names], axis=1).astype(kind)
