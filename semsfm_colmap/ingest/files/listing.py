@@ -20,7 +20,6 @@ PROJECT_FOLDERS = ("images", "masks", "sparse", "dense", "mesh", "report")
 class FoundImages:
     """Image files below a folder, as names relative to it with forward slashes."""
 
-    root: Path
     names: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -68,9 +67,7 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
                 warnings.append(f"{_shown(name)}: {reason}")
             else:
                 names.append(name)
-    return FoundImages(
-        root=image_path, names=tuple(natsorted(names)), warnings=tuple(sorted(warnings))
-    )
+    return FoundImages(names=tuple(natsorted(names)), warnings=tuple(sorted(warnings)))
 
 
 def _is_image(file: str) -> bool:

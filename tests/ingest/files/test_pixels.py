@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,6 @@ from semsfm_colmap.ingest.files.raster import read_header, read_pixels
 from semsfm_colmap.ingest.frame.pixels import changes_pixels, prepare_pixels
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.prepare import prepare_series
-from semsfm_colmap.ingest.series.file import read_preparation
 from tests.ingest.conftest import save, texture
 
 OPTIONS = IngestOptions()
@@ -160,8 +160,8 @@ def test_changes_are_applied_recorded_and_leave_the_originals(folder: Path, tmp_
     assert series.names == ("0.png", "1.png", "2.png")
     written = np.asarray(Image.open(tmp_path / "p/images/0.png"))
     np.testing.assert_array_equal(written, prepare_pixels(read(folder / "0.jpg"), options))
-    record = read_preparation(tmp_path / "p/series.json")
-    assert record.options["denoise"] == "median"
-    assert record.options["local_contrast"] == 2.0
-    assert record.grey_range["0.png"] == (0.0, 255.0)
+    record = json.loads((tmp_path / "p/series.json").read_text())["preparation"]
+    assert record["options"]["denoise"] == "median"
+    assert record["options"]["local_contrast"] == 2.0
+    assert record["grey_range"]["0.png"] == [0.0, 255.0]
     assert before == [(folder / f"{i}.jpg").read_bytes() for i in range(3)]

@@ -132,9 +132,7 @@ def test_noisy_steps_and_too_few_frames_are_no_drift() -> None:
 
 def overlap_of(shear_percent: float) -> Overlap:
     linear = np.array([[1.0, shear_percent / 100], [0.0, 1.0]])
-    return Overlap(
-        num_matches=50, num_agreeing=40, linear=linear, shift_px=np.zeros(2), parallax_px=1.0
-    )
+    return Overlap(num_agreeing=40, linear=linear, shift_px=np.zeros(2), parallax_px=1.0)
 
 
 def test_a_change_of_magnification_is_found_in_the_images(folder: Path) -> None:
@@ -384,10 +382,7 @@ def turned(turn_deg: float, shear: float) -> list[Overlap]:
     c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
     step = np.array([[1.0, shear], [0.0, 1.0]]) @ np.array([[c, -s], [s, c]])
     steps = [np.eye(2), np.eye(2), step, np.linalg.inv(step), np.eye(2), np.eye(2)]
-    return [
-        Overlap(num_matches=50, num_agreeing=40, linear=m, shift_px=np.zeros(2), parallax_px=1)
-        for m in steps
-    ]
+    return [Overlap(num_agreeing=40, linear=m, shift_px=np.zeros(2), parallax_px=1) for m in steps]
 
 
 def test_a_frame_at_another_angle_is_not_called_drifted() -> None:
