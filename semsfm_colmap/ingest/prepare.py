@@ -14,7 +14,7 @@ import numpy as np
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.files.convert import to_grey8
 from semsfm_colmap.ingest.files.header import UnreadableImageError
-from semsfm_colmap.ingest.files.listing import SERIES_FILE, find_images
+from semsfm_colmap.ingest.files.listing import find_images
 from semsfm_colmap.ingest.files.output import (
     LOSSLESS_SUFFIXES,
     encode_grey8,
@@ -49,6 +49,7 @@ from semsfm_colmap.ingest.series.file import (
 from semsfm_colmap.ingest.series.overrides import apply_scale_bar, apply_table
 from semsfm_colmap.ingest.series.pixel_size import leave_out_magnifications, series_pixel_size
 from semsfm_colmap.ingest.series.table import SeriesTable, read_series_table
+from semsfm_colmap.io.layout import IMAGES_FOLDER, MASKS_FOLDER, SERIES_FILE
 from semsfm_colmap.types import Array, SemFrame, SemSeries
 
 
@@ -112,8 +113,8 @@ def prepare_series(
         ),
     )
     write_series(series, project_path / SERIES_FILE, record=record)
-    remove_stale(project_path / "images", written.images, set(series.names))
-    remove_stale(project_path / "masks", written.masks, set(mask_names))
+    remove_stale(project_path / IMAGES_FOLDER, written.images, set(series.names))
+    remove_stale(project_path / MASKS_FOLDER, written.masks, set(mask_names))
     if progress:
         progress(total, total)
     return series
@@ -176,7 +177,7 @@ def _prepare_image(
         if _stays_as_it_is(image, raw, suffix)
         else encode_grey8(grey, suffix)
     )
-    write_atomic(project_path / "images" / name, content)
+    write_atomic(project_path / IMAGES_FOLDER / name, content)
     record.grey_range[name] = grey_range
     problems = masks.add(image, name, np.asarray(grey), raw.coloured)
     return SemFrame(
@@ -195,7 +196,7 @@ def _write_masks(masks: SeriesMasks, project_path: Path, record: PreparationReco
     written = []
     for name, usable in masks.finish().items():
         drawn: Array = np.where(usable, np.uint8(255), np.uint8(0))
-        write_atomic(project_path / "masks" / f"{name}.png", encode_grey8(drawn, ".png"))
+        write_atomic(project_path / MASKS_FOLDER / f"{name}.png", encode_grey8(drawn, ".png"))
         record.mask_effect[name] = (masks.effects[name].area, masks.effects[name].texture)
         written.append(f"{name}.png")
     record.masks.extend(written)

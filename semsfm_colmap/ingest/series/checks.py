@@ -11,6 +11,7 @@ from semsfm_colmap.ingest.files.listing import IMAGE_SUFFIXES
 from semsfm_colmap.ingest.frame.scan import check_crop
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.series.tilt import parse_axis
+from semsfm_colmap.io.layout import IMAGES_FOLDER, MASKS_FOLDER
 from semsfm_colmap.io.wording import abbreviate
 from semsfm_colmap.types import SemFrame
 
@@ -57,10 +58,8 @@ def check_options(options: IngestOptions) -> None:
 
 def check_paths(image_path: Path, project_path: Path) -> None:
     """Refuse to write over the originals."""
-    if image_path.resolve() in (
-        (project_path / "images").resolve(),
-        (project_path / "masks").resolve(),
-    ):
+    written = [(project_path / name).resolve() for name in (IMAGES_FOLDER, MASKS_FOLDER)]
+    if image_path.resolve() in written:
         raise UsageError(
             f"{image_path} is where the prepared images are written; give another output_path, "
             "or move the originals elsewhere."
