@@ -32,7 +32,7 @@ class Arguments:
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
     from semsfm_colmap.ingest.inspect.inspection import inspect_images
-    from semsfm_colmap.ingest.inspect.output import (
+    from semsfm_colmap.ingest.inspect.text import (
         WIDTH,
         format_inspection,
         write_inspection_csv,

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.ingest.files.convert import to_grey8
+from semsfm_colmap.ingest.files.bit_depth import to_grey8
 from semsfm_colmap.ingest.files.header import UnreadableImageError
 from semsfm_colmap.ingest.files.listing import find_images
 from semsfm_colmap.ingest.files.output import (
@@ -22,25 +22,17 @@ from semsfm_colmap.ingest.files.output import (
     write_atomic,
 )
 from semsfm_colmap.ingest.files.raster import RawImage, read_pixels
-from semsfm_colmap.ingest.frame.pixels import changes_pixels, prepare_pixels
-from semsfm_colmap.ingest.frame.scan import (
+from semsfm_colmap.ingest.frame.enhance import changes_pixels, prepare_pixels
+from semsfm_colmap.ingest.frame.source import (
     Progress,
     SourceImage,
     check_content,
     choose_crops,
     scan_images,
 )
+from semsfm_colmap.ingest.masks.combine import SeriesMasks
 from semsfm_colmap.ingest.masks.given import find_masks_folder
-from semsfm_colmap.ingest.masks.series import SeriesMasks
 from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.ingest.series.checks import (
-    check_enough,
-    check_options,
-    check_paths,
-    frame_warnings,
-    no_images_message,
-    series_warnings,
-)
 from semsfm_colmap.ingest.series.file import (
     PreparationRecord,
     read_written_files,
@@ -48,6 +40,14 @@ from semsfm_colmap.ingest.series.file import (
 )
 from semsfm_colmap.ingest.series.overrides import apply_scale_bar, apply_table
 from semsfm_colmap.ingest.series.pixel_size import leave_out_magnifications, series_pixel_size
+from semsfm_colmap.ingest.series.refusals import (
+    check_enough,
+    check_options,
+    check_paths,
+    frame_warnings,
+    no_images_message,
+    series_warnings,
+)
 from semsfm_colmap.ingest.series.table import SeriesTable, read_series_table
 from semsfm_colmap.io.layout import IMAGES_FOLDER, MASKS_FOLDER, SERIES_FILE
 from semsfm_colmap.types import Array, SemFrame, SemSeries

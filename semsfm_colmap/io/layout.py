@@ -5,7 +5,7 @@ from __future__ import annotations
 IMAGES_FOLDER = "images"
 """Prepared images."""
 MASKS_FOLDER = "masks"
-"""Masks named <image name>.png, as COLMAP has it; also where a person's own masks are looked for."""
+"""Masks named <image name>.png, as COLMAP has it; a person's own masks lie in one, too."""
 SPARSE_FOLDER = "sparse"
 """COLMAP models."""
 DENSE_FOLDER = "dense"

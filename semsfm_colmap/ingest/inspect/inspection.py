@@ -10,18 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.ingest.files.convert import to_grey8
+from semsfm_colmap.ingest.files.bit_depth import to_grey8
 from semsfm_colmap.ingest.files.header import ImageHeader, UnreadableImageError
 from semsfm_colmap.ingest.files.listing import find_images
 from semsfm_colmap.ingest.files.raster import read_header
 from semsfm_colmap.ingest.frame.quality import FrameQuality, judge, measure
-from semsfm_colmap.ingest.frame.scan import (
+from semsfm_colmap.ingest.frame.source import (
     SourceImage,
     check_content,
     check_copy,
     choose_crops,
     scan_image,
 )
+from semsfm_colmap.ingest.inspect.answers import Answer, answer_all
 from semsfm_colmap.ingest.inspect.neighbours import drifted, misplaced, strangers
 from semsfm_colmap.ingest.inspect.overlap import (
     Overlap,
@@ -30,11 +31,10 @@ from semsfm_colmap.ingest.inspect.overlap import (
     find_overlap,
     reduced_features,
 )
-from semsfm_colmap.ingest.inspect.verdict import Answer, answer_all
 from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
 from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.ingest.series.checks import check_options, no_images_message
 from semsfm_colmap.ingest.series.overrides import apply_scale_bar, apply_table
+from semsfm_colmap.ingest.series.refusals import check_options, no_images_message
 from semsfm_colmap.ingest.series.table import read_series_table
 
 

@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 from semsfm_colmap.geometry.pixel_noise import noise_level
-from semsfm_colmap.ingest.files.convert import to_grey8
+from semsfm_colmap.ingest.files.bit_depth import to_grey8
 from semsfm_colmap.ingest.files.raster import read_header, read_pixels
-from semsfm_colmap.ingest.frame.pixels import changes_pixels, prepare_pixels
+from semsfm_colmap.ingest.frame.enhance import changes_pixels, prepare_pixels
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.prepare import prepare_series
 from tests.ingest.conftest import save, texture

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semsfm_colmap.ingest.files.colour import drawn_colour
+from semsfm_colmap.ingest.files.drawn_colour import drawn_colour
 from semsfm_colmap.ingest.files.raster import read_header, read_pixels
 from semsfm_colmap.ingest.frame.databar import agree_on_databar, find_databar, looks_drawn
 from semsfm_colmap.ingest.frame.overlay import ConstantPixels, find_overlay
-from semsfm_colmap.ingest.frame.scalebar import find_scale_bar
-from semsfm_colmap.ingest.masks.series import grown
+from semsfm_colmap.ingest.frame.scale_bar import find_scale_bar
+from semsfm_colmap.ingest.masks.combine import grown
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.prepare import prepare_series
 from tests.ingest.conftest import DATA, save, texture, with_databar

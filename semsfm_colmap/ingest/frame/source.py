@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.ingest.files.colour import coloured_databar
+from semsfm_colmap.ingest.files.drawn_colour import coloured_databar
 from semsfm_colmap.ingest.files.header import ImageHeader, UnreadableImageError
 from semsfm_colmap.ingest.files.raster import RawImage, read_header, read_pixels, suffix_matches
 from semsfm_colmap.ingest.frame.databar import (
@@ -22,9 +22,9 @@ from semsfm_colmap.ingest.frame.databar import (
     looks_drawn,
     to_levels,
 )
+from semsfm_colmap.ingest.frame.enhance import changes_pixels
 from semsfm_colmap.ingest.frame.overlay import ConstantPixels, Overlay, find_overlay
-from semsfm_colmap.ingest.frame.pixels import changes_pixels
-from semsfm_colmap.ingest.frame.scalebar import find_scale_bar
+from semsfm_colmap.ingest.frame.scale_bar import find_scale_bar
 from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.io.wording import abbreviate

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.ingest.files.listing import IMAGE_SUFFIXES
-from semsfm_colmap.ingest.frame.scan import check_crop
+from semsfm_colmap.ingest.frame.source import check_crop
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.series.tilt import parse_axis
 from semsfm_colmap.io.layout import IMAGES_FOLDER, MASKS_FOLDER
