@@ -13,26 +13,18 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.files.bit_depth import to_grey8
+from semsfm_colmap.ingest.files.encode import LOSSLESS_SUFFIXES, encode_grey8
 from semsfm_colmap.ingest.files.header import UnreadableImageError
 from semsfm_colmap.ingest.files.listing import find_images
-from semsfm_colmap.ingest.files.output import (
-    LOSSLESS_SUFFIXES,
-    encode_grey8,
-    remove_stale,
-    write_atomic,
-)
+from semsfm_colmap.ingest.files.output import write_atomic
 from semsfm_colmap.ingest.files.raster import RawImage, read_pixels
+from semsfm_colmap.ingest.files.stale import remove_stale
 from semsfm_colmap.ingest.frame.enhance import changes_pixels, prepare_pixels
-from semsfm_colmap.ingest.frame.source import (
-    Progress,
-    SourceImage,
-    check_content,
-    choose_crops,
-    scan_images,
-)
+from semsfm_colmap.ingest.frame.source import SourceImage, check_content
 from semsfm_colmap.ingest.masks.combine import SeriesMasks
 from semsfm_colmap.ingest.masks.given import find_masks_folder
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.series.crops import choose_crops
 from semsfm_colmap.ingest.series.file import (
     PreparationRecord,
     read_written_files,
@@ -44,10 +36,10 @@ from semsfm_colmap.ingest.series.refusals import (
     check_enough,
     check_options,
     check_paths,
-    frame_warnings,
     no_images_message,
-    series_warnings,
 )
+from semsfm_colmap.ingest.series.remarks import frame_warnings, series_warnings
+from semsfm_colmap.ingest.series.scan import Progress, scan_images
 from semsfm_colmap.ingest.series.table import SeriesTable, read_series_table
 from semsfm_colmap.io.layout import IMAGES_FOLDER, MASKS_FOLDER, SERIES_FILE
 from semsfm_colmap.types import Array, SemFrame, SemSeries

@@ -12,14 +12,12 @@ import pytest
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.frame.quality import judge, measure
-from semsfm_colmap.ingest.inspect.inspection import Inspection, InspectionRow, inspect_images
+from semsfm_colmap.ingest.inspect.files import write_inspection_csv, write_inspection_json
+from semsfm_colmap.ingest.inspect.inspection import Inspection, inspect_images
 from semsfm_colmap.ingest.inspect.neighbours import drifted
 from semsfm_colmap.ingest.inspect.overlap import Overlap
-from semsfm_colmap.ingest.inspect.text import (
-    format_inspection,
-    write_inspection_csv,
-    write_inspection_json,
-)
+from semsfm_colmap.ingest.inspect.rows import InspectionRow
+from semsfm_colmap.ingest.inspect.text import format_inspection
 from semsfm_colmap.ingest.options import IngestOptions
 from tests.ingest import vendor_files as vendor
 from tests.ingest.conftest import DATA, save, texture, with_databar
