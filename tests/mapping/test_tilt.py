@@ -15,7 +15,7 @@ from semsfm_colmap.config import Config, FeatureOptions
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.pipeline.evaluate import evaluate_project
 from semsfm_colmap.pipeline.runner import run_stages
-from tests.ingest.conftest import DATA
+from tests.conftest import DATA
 
 NICKEL = DATA / "synth_nickel"
 CONFIG = Config(features=FeatureOptions(max_num_features=4000))
