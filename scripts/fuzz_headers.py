@@ -5,7 +5,7 @@
 Coverage-guided by atheris (libFuzzer) where it is installed, else by plain mutation. The corpus
 starts from the headers of the files in --data and from small ones in here. A finding is written to
 --findings and ends the run of its target with exit code 1; it belongs into
-tests/ingest/test_fuzz.py.
+tests/ingest/metadata/test_fuzz.py.
 """
 
 from __future__ import annotations

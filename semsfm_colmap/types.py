@@ -64,16 +64,6 @@ class SemMetadata:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SemImage(_Frozen):
-    """One image in memory: 8-bit grey pixels (H, W), mask (H, W) True where usable."""
-
-    name: str
-    pixels: Array
-    mask: Bool | None = None
-    metadata: SemMetadata = field(default_factory=SemMetadata)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class SemFrame:
     """One prepared image on disk: its name below PROJECT/images and what is known about it."""
 

@@ -31,13 +31,9 @@ class Arguments:
 
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
+    from semsfm_colmap.ingest.inspect.files import write_inspection_csv, write_inspection_json
     from semsfm_colmap.ingest.inspect.inspection import inspect_images
-    from semsfm_colmap.ingest.inspect.output import (
-        WIDTH,
-        format_inspection,
-        write_inspection_csv,
-        write_inspection_json,
-    )
+    from semsfm_colmap.ingest.inspect.text import WIDTH, format_inspection
     from semsfm_colmap.pipeline.reporter import Reporter
 
     parsed = parse(Arguments, positional_first(arguments), "inspect", DESCRIPTION)

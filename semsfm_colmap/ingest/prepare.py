@@ -12,34 +12,18 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.ingest.files.convert import to_grey8
+from semsfm_colmap.ingest.files.bit_depth import to_grey8
+from semsfm_colmap.ingest.files.encode import LOSSLESS_SUFFIXES, encode_grey8
 from semsfm_colmap.ingest.files.header import UnreadableImageError
-from semsfm_colmap.ingest.files.listing import SERIES_FILE, find_images
-from semsfm_colmap.ingest.files.output import (
-    LOSSLESS_SUFFIXES,
-    encode_grey8,
-    remove_stale,
-)
+from semsfm_colmap.ingest.files.listing import find_images
 from semsfm_colmap.ingest.files.raster import RawImage, read_pixels
-from semsfm_colmap.ingest.frame.pixels import changes_pixels, prepare_pixels
-from semsfm_colmap.ingest.frame.scan import (
-    Progress,
-    SourceImage,
-    check_content,
-    choose_crops,
-    scan_images,
-)
+from semsfm_colmap.ingest.files.stale import remove_stale
+from semsfm_colmap.ingest.frame.enhance import changes_pixels, prepare_pixels
+from semsfm_colmap.ingest.frame.source import SourceImage, check_content
+from semsfm_colmap.ingest.masks.combine import SeriesMasks
 from semsfm_colmap.ingest.masks.given import find_masks_folder
-from semsfm_colmap.ingest.masks.series import SeriesMasks
 from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.ingest.series.checks import (
-    check_enough,
-    check_options,
-    check_paths,
-    frame_warnings,
-    no_images_message,
-    series_warnings,
-)
+from semsfm_colmap.ingest.series.crops import choose_crops
 from semsfm_colmap.ingest.series.file import (
     PreparationRecord,
     read_written_files,
@@ -47,8 +31,17 @@ from semsfm_colmap.ingest.series.file import (
 )
 from semsfm_colmap.ingest.series.overrides import apply_scale_bar, apply_table
 from semsfm_colmap.ingest.series.pixel_size import leave_out_magnifications, series_pixel_size
+from semsfm_colmap.ingest.series.refusals import (
+    check_enough,
+    check_options,
+    check_paths,
+    no_images_message,
+)
+from semsfm_colmap.ingest.series.remarks import frame_warnings, series_warnings
+from semsfm_colmap.ingest.series.scan import Progress, scan_images
 from semsfm_colmap.ingest.series.table import SeriesTable, read_series_table
 from semsfm_colmap.io.atomic import write_bytes
+from semsfm_colmap.io.layout import IMAGES_FOLDER, MASKS_FOLDER, SERIES_FILE
 from semsfm_colmap.types import Array, SemFrame, SemSeries
 
 
@@ -112,8 +105,8 @@ def prepare_series(
         ),
     )
     write_series(series, project_path / SERIES_FILE, record=record)
-    remove_stale(project_path / "images", written.images, set(series.names))
-    remove_stale(project_path / "masks", written.masks, set(mask_names))
+    remove_stale(project_path / IMAGES_FOLDER, written.images, set(series.names))
+    remove_stale(project_path / MASKS_FOLDER, written.masks, set(mask_names))
     if progress:
         progress(total, total)
     return series
@@ -176,7 +169,7 @@ def _prepare_image(
         if _stays_as_it_is(image, raw, suffix)
         else encode_grey8(grey, suffix)
     )
-    write_bytes(content, project_path / "images" / name)
+    write_bytes(content, project_path / IMAGES_FOLDER / name)
     record.grey_range[name] = grey_range
     problems = masks.add(image, name, np.asarray(grey), raw.coloured)
     return SemFrame(
@@ -195,7 +188,7 @@ def _write_masks(masks: SeriesMasks, project_path: Path, record: PreparationReco
     written = []
     for name, usable in masks.finish().items():
         drawn: Array = np.where(usable, np.uint8(255), np.uint8(0))
-        write_bytes(encode_grey8(drawn, ".png"), project_path / "masks" / f"{name}.png")
+        write_bytes(encode_grey8(drawn, ".png"), project_path / MASKS_FOLDER / f"{name}.png")
         record.mask_effect[name] = (masks.effects[name].area, masks.effects[name].texture)
         written.append(f"{name}.png")
     record.masks.extend(written)

@@ -1,61 +1,25 @@
-"""Small drawn series: image-like texture, optionally with a databar as microscopes draw it."""
-
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
+import pytest
 
-Array = NDArray[np.generic]
-DATA = Path(__file__).parents[2] / "../shared/data"
-
-
-def texture(seed: int, height: int = 160, width: int = 200) -> NDArray[np.uint8]:
-    """Smooth blobs with the grain of a scan."""
-    rng = np.random.default_rng(seed)
-    coarse = rng.normal(size=(height // 8 + 2, width // 8 + 2))
-    rows = np.linspace(0, coarse.shape[0] - 1.001, height)
-    columns = np.linspace(0, coarse.shape[1] - 1.001, width)
-    r, c = rows.astype(int), columns.astype(int)
-    fr, fc = (rows - r)[:, None], (columns - c)[None, :]
-    smooth = (
-        coarse[r][:, c] * (1 - fr) * (1 - fc)
-        + coarse[r + 1][:, c] * fr * (1 - fc)
-        + coarse[r][:, c + 1] * (1 - fr) * fc
-        + coarse[r + 1][:, c + 1] * fr * fc
-    )
-    noisy = 120 + 35 * smooth + rng.normal(scale=6, size=smooth.shape)
-    return np.clip(np.rint(noisy), 1, 254).astype(np.uint8)
+from tests.ingest import vendor_files as vendor
+from tests.ingest.images import save, texture, with_databar
 
 
-def with_databar(image: Array, rows: int = 24, *, background: int = 0, line: bool = True) -> Array:
-    """Draw a databar over the bottom rows: background, text-like strokes, a scale bar."""
-    out = image.copy()
-    height, width = out.shape
-    top = height - rows
-    ink = 255 - background
-    out[top:] = background
-    if line:
-        out[top : top + 2] = 190
-    for x in range(6, width // 2, 5):
-        out[top + 6 : top + 13, x] = ink
-        out[top + 9, x : x + 3] = ink
-    out[top + 15, width // 2 + 10 : width - 10] = ink
-    for x in (width // 2 + 10, width - 11):
-        out[top + 12 : top + 19, x] = ink
-    return out
+@pytest.fixture
+def good(folder: Path) -> Path:
+    """Three images that are in order."""
+    for i in range(3):
+        save(folder / f"good{i}.png", texture(i))
+    return folder
 
 
-def save(path: Path, image: Array, **options: object) -> Path:
-    """Write an image in the format of its suffix."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if path.suffix.lower() in (".tif", ".tiff"):
-        import tifffile
-
-        tifffile.imwrite(path, image, **options)
-    else:
-        from PIL import Image
-
-        Image.fromarray(image).save(path, **options)
-    return path
+@pytest.fixture
+def fei_series(folder: Path) -> Path:
+    """Four images with FEI headers that say 0.5 rad and 25 nm."""
+    for i in range(4):
+        image = with_databar(texture(i))
+        vendor.write_tiff(folder / f"{i}.tif", image, {vendor.FEI_HELIOS: vendor.fei()})
+    return folder

@@ -16,7 +16,7 @@ from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.pipeline.evaluate import evaluate_project
 from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.records import MapRecord, TiltAgreement
-from tests.ingest.conftest import DATA
+from tests.conftest import DATA
 
 NICKEL = DATA / "synth_nickel"
 CONFIG = Config(features=FeatureOptions(max_num_features=4000))

@@ -22,6 +22,5 @@ class ImageHeader:
     channels: int
     page: int = 0
     """The page of a TIFF that holds the image."""
-    num_pages: int = 1
     orientation: int = 1
     """EXIF orientation; 1 = as stored."""

@@ -8,19 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.io.layout import FOLDERS, MASKS_FOLDER, SERIES_FILE
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
-MASKS_FOLDER = "masks"
-SERIES_FILE = "series.json"
-PROJECT_FOLDERS = ("images", "masks", "sparse", "dense", "mesh", "report")
-"""What a project holds: never taken for a source when the project lies inside the image folder."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FoundImages:
     """Image files below a folder, as names relative to it with forward slashes."""
 
-    root: Path
     names: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -29,12 +25,13 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
     """List the image files below `image_path` in natural order (2 before 10).
 
     Folders are followed through symbolic links, each real folder once, so that a loop ends.
-    Hidden files, a folder ``masks`` and the outputs of the project are not images of the series.
+    Hidden files, a folder ``masks`` and the outputs of a project are not images of the series,
+    also where the project lies inside the image folder.
     """
     from natsort import natsorted
 
     check_image_path(image_path)
-    skip = {(project_path / name).resolve() for name in PROJECT_FOLDERS} if project_path else set()
+    skip = {(project_path / name).resolve() for name in FOLDERS} if project_path else set()
     names: list[str] = []
     warnings: list[str] = []
     seen: set[tuple[int, int]] = set()
@@ -51,7 +48,7 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
         at_top = Path(folder) == image_path
         if SERIES_FILE in files and not (at_top and not any(map(_is_image, files))):
             # Another project lies here, with prepared copies of images.
-            folders[:] = [name for name in folders if name not in PROJECT_FOLDERS]
+            folders[:] = [name for name in folders if name not in FOLDERS]
         folders[:] = sorted(
             name
             for name in folders
@@ -68,9 +65,7 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
                 warnings.append(f"{_shown(name)}: {reason}")
             else:
                 names.append(name)
-    return FoundImages(
-        root=image_path, names=tuple(natsorted(names)), warnings=tuple(sorted(warnings))
-    )
+    return FoundImages(names=tuple(natsorted(names)), warnings=tuple(sorted(warnings)))
 
 
 def _is_image(file: str) -> bool:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.ingest.files.colour import drawn_colour
+from semsfm_colmap.ingest.files.drawn_colour import drawn_colour
 from semsfm_colmap.ingest.files.header import ImageHeader, UnreadableImageError
 from semsfm_colmap.ingest.files.tiff import decode_tiff, tiff_header
 from semsfm_colmap.io.wording import one_line

@@ -51,7 +51,6 @@ def tiff_header(path: Path) -> ImageHeader:
             bits=int(page.bitspersample),
             channels=int(page.samplesperpixel),
             page=best,
-            num_pages=len(pages),
             orientation=_tiff_orientation(page),
         )
 

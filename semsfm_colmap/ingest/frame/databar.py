@@ -23,7 +23,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from semsfm_colmap.types import Array
+from semsfm_colmap.types import Array, Bool
 
 MAX_FRACTION = 0.4
 """A databar takes at most this part of the height (TESCAN's, the tallest known, takes 0.19)."""
@@ -44,6 +44,8 @@ MIN_DRAWN_ROWS = 0.95
 """Part of the rows of a bar of known height that must look drawn."""
 MAX_FLOAT = 0.012
 """Part of the height that image rows may take below a floating databar."""
+MIN_COLOURED = 0.5
+"""Part of the row of a coloured databar that is coloured: the writing in it may be white."""
 LOSSY_TOLERANCE = 10
 """Grey levels by which JPEG compression moves a drawn value."""
 
@@ -77,6 +79,17 @@ def find_databar(pixels: Array, *, lossy: bool = False) -> int | None:
         if below_image or below_other_value:
             return first + row if _has_writing(part[row : last + 1], tolerance) else None
     return None
+
+
+def coloured_databar(coloured: Bool) -> int | None:
+    """First row of a databar in colour: rows at the bottom that are mostly coloured, or None.
+
+    `coloured` (H, W) is True where colour is drawn into a grey image.
+    """
+    grey = np.flatnonzero(coloured.mean(axis=1) < MIN_COLOURED)
+    first = int(grey[-1]) + 1 if len(grey) else 0
+    rows = len(coloured) - first
+    return first if MIN_ROWS <= rows <= MAX_FRACTION * len(coloured) else None
 
 
 def looks_drawn(pixels: Array, row: int, *, lossy: bool = False) -> bool:

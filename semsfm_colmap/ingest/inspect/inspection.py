@@ -4,24 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import degrees
 from pathlib import Path
 
 import numpy as np
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.ingest.files.convert import to_grey8
-from semsfm_colmap.ingest.files.header import ImageHeader, UnreadableImageError
+from semsfm_colmap.ingest.files.bit_depth import to_grey8
+from semsfm_colmap.ingest.files.header import UnreadableImageError
 from semsfm_colmap.ingest.files.listing import find_images
-from semsfm_colmap.ingest.files.raster import read_header
 from semsfm_colmap.ingest.frame.quality import FrameQuality, judge, measure
-from semsfm_colmap.ingest.frame.scan import (
-    SourceImage,
-    check_content,
-    check_copy,
-    choose_crops,
-    scan_image,
-)
+from semsfm_colmap.ingest.frame.source import SourceImage, check_content, scan_image
+from semsfm_colmap.ingest.inspect.answers import Answer, answer_all
 from semsfm_colmap.ingest.inspect.neighbours import drifted, misplaced, strangers
 from semsfm_colmap.ingest.inspect.overlap import (
     Overlap,
@@ -30,36 +23,13 @@ from semsfm_colmap.ingest.inspect.overlap import (
     find_overlap,
     reduced_features,
 )
-from semsfm_colmap.ingest.inspect.verdict import Answer, answer_all
-from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
+from semsfm_colmap.ingest.inspect.rows import InspectionRow, row_of, unusable_row
 from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.ingest.series.checks import check_options, no_images_message
+from semsfm_colmap.ingest.series.crops import choose_crops
 from semsfm_colmap.ingest.series.overrides import apply_scale_bar, apply_table
+from semsfm_colmap.ingest.series.refusals import check_options, no_images_message
+from semsfm_colmap.ingest.series.scan import check_copy
 from semsfm_colmap.ingest.series.table import read_series_table
-
-
-@dataclass(frozen=True, kw_only=True)
-class InspectionRow:
-    """What is known about one file; None where it is not recorded."""
-
-    name: str
-    width: int | None = None
-    height: int | None = None
-    bits: int | None = None
-    pixel_size_um: float | None = None
-    pixel_size_source: str | None = None
-    tilt_deg: float | None = None
-    stage_rotation_deg: float | None = None
-    scan_rotation_deg: float | None = None
-    working_distance_um: float | None = None
-    beam_energy_kev: float | None = None
-    magnification: float | None = None
-    instrument: str | None = None
-    detector: str | None = None
-    tilt_corrected: bool | None = None
-    displacement_um: float | None = None
-    """Only in the text: the fields of the JSON and CSV files are fixed."""
-    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +69,7 @@ def inspect_images(
         try:
             looks.append(_look_at(image_path / name, name, options, seen))
         except UnreadableImageError as error:
-            rows[name] = _unusable_row(image_path / name, name, str(error), options)
+            rows[name] = unusable_row(image_path / name, name, str(error), options)
         if progress:
             progress(count + 1, len(found.names))
     remarks = list(found.warnings)
@@ -108,12 +78,12 @@ def inspect_images(
         why = next(problem for problem in problems if problem.startswith(f"{name}: "))
         problems.remove(why)
         reason = why.removeprefix(f"{name}: ").removesuffix(" Left out.")
-        rows[name] = _unusable_row(image_path / name, name, reason, options)
+        rows[name] = unusable_row(image_path / name, name, reason, options)
     looks, remarks = kept, remarks + problems
     overlaps = chain([look.features for look in looks])
     notes = _notes(looks, overlaps)
     for look in looks:
-        rows[look.image.name] = _row(look.image, options, notes[look.image.name])
+        rows[look.image.name] = row_of(look.image, options, notes[look.image.name])
     used = [rows[look.image.name] for look in looks]
     answers = answer_all(
         names=[row.name for row in used],
@@ -207,55 +177,3 @@ def _flagged(rows: list[InspectionRow]) -> Answer:
 
 def _side(image: SourceImage) -> float:
     return float(max(image.crop[2] - image.crop[0], image.crop[3] - image.crop[1]))
-
-
-def _row(image: SourceImage, options: IngestOptions, notes: list[str]) -> InspectionRow:
-    row = _metadata_row(image.name, image.header, image.reading, options)
-    return replace(
-        row,
-        width=image.size[0],
-        height=image.size[1],
-        warnings=(*image.warnings, *notes),
-    )
-
-
-def _unusable_row(path: Path, name: str, reason: str, options: IngestOptions) -> InspectionRow:
-    """The row of a file whose pixels cannot be used: its header may still be read."""
-    try:
-        header = read_header(path, options.max_image_pixels)
-        reading = read_metadata(path, header)
-    except InputError:
-        return InspectionRow(name=name, warnings=(reason,))
-    row = _metadata_row(name, header, reading, options)
-    return replace(row, warnings=(reason, *reading.warnings))
-
-
-def _metadata_row(
-    name: str, header: ImageHeader, reading: MetadataReading, options: IngestOptions
-) -> InspectionRow:
-    known = reading.metadata
-    size, source = known.pixel_size_um, known.source.get("pixel_size_um")
-    if options.pixel_size_um is not None:
-        size, source = options.pixel_size_um, "option pixel_size_um"
-
-    def in_degrees(value: float | None) -> float | None:
-        return None if value is None else degrees(value)
-
-    return InspectionRow(
-        name=name,
-        width=header.width,
-        height=header.height,
-        bits=header.bits,
-        pixel_size_um=size,
-        pixel_size_source=source,
-        tilt_deg=in_degrees(known.tilt_rad),
-        stage_rotation_deg=in_degrees(known.stage_rotation_rad),
-        scan_rotation_deg=in_degrees(known.scan_rotation_rad),
-        working_distance_um=known.working_distance_um,
-        beam_energy_kev=known.beam_energy_kev,
-        magnification=known.magnification,
-        instrument=known.instrument,
-        detector=known.detector,
-        tilt_corrected=known.tilt_corrected,
-        displacement_um=known.displacement_um,
-    )

@@ -38,9 +38,8 @@ class ReducedFeatures:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Overlap:
-    """How two images relate: number of agreeing matches, the affine map and its residual."""
+    """How two images relate: how many matches agree, the affine map and its residual."""
 
-    num_matches: int
     num_agreeing: int
     linear: Float | None
     """(2, 2) from the first to the second image"""
@@ -84,7 +83,7 @@ def find_overlap(first: ReducedFeatures, second: ReducedFeatures) -> Overlap:
     """Match two images and fit an affine map."""
     import cv2
 
-    nothing = Overlap(num_matches=0, num_agreeing=0, linear=None, shift_px=None, parallax_px=0.0)
+    nothing = Overlap(num_agreeing=0, linear=None, shift_px=None, parallax_px=0.0)
     if len(first.xy) < 6 or len(second.xy) < 6:
         return nothing
     pairs = _matches(first.descriptors, second.descriptors)
@@ -101,7 +100,6 @@ def find_overlap(first: ReducedFeatures, second: ReducedFeatures) -> Overlap:
     residual = y[inside] - x[inside] @ matrix[:, :2].T - matrix[:, 2]
     centre = first.xy.mean(axis=0)
     return Overlap(
-        num_matches=len(pairs),
         num_agreeing=int(inside.sum()),
         linear=np.asarray(matrix[:, :2]),
         shift_px=np.asarray(matrix[:, :2] @ centre + matrix[:, 2] - centre),

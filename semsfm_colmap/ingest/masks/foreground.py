@@ -39,11 +39,9 @@ MIN_PIECE = 2e-3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Foreground:
-    """A mask, True where the specimen is, and what it does; None with the reason otherwise."""
+    """A mask, True where the specimen is; None with the reason otherwise."""
 
     mask: Bool | None
-    background_part: float = 0.0
-    texture_kept: float = 1.0
     reason: str = ""
 
 
@@ -68,18 +66,16 @@ def find_foreground(pixels: Array) -> Foreground:
     part = float(1 - foreground.mean())
     kept = _share_of_texture(smooth, foreground)
     if part < MIN_BACKGROUND:
-        return Foreground(mask=None, background_part=part, reason="there is no empty background")
+        return Foreground(mask=None, reason="there is no empty background")
     if 1 - part < MIN_FOREGROUND:
-        return Foreground(mask=None, background_part=part, reason="no specimen stands out")
+        return Foreground(mask=None, reason="no specimen stands out")
     if kept < MIN_TEXTURE_KEPT:
         return Foreground(
             mask=None,
-            background_part=part,
-            texture_kept=kept,
             reason=f"a mask would take away {1 - kept:.0%} of the texture",
         )
     full = cv2.resize(foreground.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
-    return Foreground(mask=full > 0, background_part=part, texture_kept=kept)
+    return Foreground(mask=full > 0)
 
 
 def _connected_background(level: Float, spread: Float) -> Bool:

@@ -8,10 +8,10 @@ import numpy as np
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.ingest.files.header import UnreadableImageError
-from semsfm_colmap.ingest.files.listing import MASKS_FOLDER
 from semsfm_colmap.ingest.files.raster import read_header, read_pixels
-from semsfm_colmap.ingest.frame.scan import SourceImage
+from semsfm_colmap.ingest.frame.source import SourceImage
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.io.layout import MASKS_FOLDER
 from semsfm_colmap.types import Bool
 
 

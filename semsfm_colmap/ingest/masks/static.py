@@ -45,8 +45,6 @@ class StaticScene:
     """Per frame a mask, True where something moves or nothing is known; None with the reason."""
 
     masks: tuple[Bool, ...] | None
-    static_part: float = 0.0
-    """Part of the textured area that stands still."""
     reason: str = ""
 
 
@@ -67,14 +65,12 @@ def find_static(frames: Sequence[Array]) -> StaticScene:
     static = float(still.sum() / textured.sum())
     moving = float((textured & (support < IN_FEW)).sum() / textured.sum())
     if static < MIN_STATIC:
-        return StaticScene(masks=None, static_part=static, reason="nothing stands still")
+        return StaticScene(masks=None, reason="nothing stands still")
     apart = _most_different(small, textured)
     if moving < MIN_MOVING or 1 - static - moving > static or np.median(apart[still]) < SAME:
-        return StaticScene(
-            masks=None, static_part=static, reason="the specimen moves too little to tell it apart"
-        )
+        return StaticScene(masks=None, reason="the specimen moves too little to tell it apart")
     masks = tuple(_usable(still, frame) > 0 for frame in agreement)
-    return StaticScene(masks=masks, static_part=static)
+    return StaticScene(masks=masks)
 
 
 def reduced(pixels: Array) -> Array:

@@ -1,1 +1,1 @@
-"""The series as a whole: its table, tilts, pixel size, refusals, and series.json."""
+"""The series as a whole: first pass, crops, table, tilts, pixel size, refusals, and series.json."""

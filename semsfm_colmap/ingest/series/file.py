@@ -60,20 +60,6 @@ def write_series(series: SemSeries, path: Path, *, record: PreparationRecord | N
     write_text(text + "\n", path)
 
 
-def read_preparation(path: Path) -> PreparationRecord:
-    """What was done to the images of a series."""
-    content = _load(path).get("preparation", {})
-    try:
-        known = _known(PreparationRecord, content)
-        for name in ("grey_range", "mask_effect"):
-            known[name] = {k: (float(a), float(b)) for k, (a, b) in known.get(name, {}).items()}
-        return PreparationRecord(**known)
-    except (TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            f"{path} is damaged ({type(error).__name__}: {error}); prepare the images again."
-        ) from error
-
-
 def read_series(path: Path) -> SemSeries:
     """Read what `write_series` wrote."""
     content = _load(path)

@@ -8,7 +8,7 @@ from math import degrees, radians
 
 import numpy as np
 
-from semsfm_colmap.ingest.frame.scan import SourceImage
+from semsfm_colmap.ingest.frame.source import SourceImage
 from semsfm_colmap.ingest.series.table import SeriesTable, match_table
 from semsfm_colmap.types import SemMetadata
 

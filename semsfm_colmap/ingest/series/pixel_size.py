@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semsfm_colmap.ingest.frame.scan import SourceImage
+from semsfm_colmap.ingest.frame.source import SourceImage
 from semsfm_colmap.io.wording import abbreviate
 from semsfm_colmap.types import SemFrame
 

@@ -11,7 +11,7 @@ from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.prepare import prepare_series
 from semsfm_colmap.ingest.series.tilt import parse_axis, tilt_prior
 from semsfm_colmap.types import SemFrame, SemMetadata, SemSeries
-from tests.ingest.conftest import save, texture
+from tests.ingest.images import save, texture
 
 
 def series(tilts_deg: list[float | None], source: str = "FEI 34682 [Stage] StageT") -> SemSeries:

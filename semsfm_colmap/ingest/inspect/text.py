@@ -1,17 +1,12 @@
-"""An inspection as text, JSON and CSV."""
+"""An inspection as text for a terminal."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import textwrap
 from collections.abc import Callable
-from dataclasses import asdict, fields
-from pathlib import Path
 
-from semsfm_colmap.ingest.inspect.inspection import Inspection, InspectionRow
-from semsfm_colmap.io.atomic import write_text
+from semsfm_colmap.ingest.inspect.inspection import Inspection
+from semsfm_colmap.ingest.inspect.rows import InspectionRow
 
 WIDTH = 100
 """Columns of the text where the terminal does not say."""
@@ -35,8 +30,6 @@ _COLUMNS: tuple[tuple[str, Callable[[InspectionRow], object]], ...] = (
 )
 _LIMITS = {"file": (32, 16), "from": (36, 10), "detector": (10, 6)}
 """Longest cells of the columns that hold text, where there is room and where there is none."""
-FILE_FIELDS = tuple(f.name for f in fields(InspectionRow) if f.name != "displacement_um")
-"""Fields of the JSON and CSV files."""
 
 
 def format_inspection(inspection: Inspection, width: int = WIDTH) -> str:
@@ -109,25 +102,6 @@ def _table(columns: dict[str, list[str]]) -> list[str]:
     ]
     lines.insert(1, "-" * _total(columns))
     return lines
-
-
-def write_inspection_json(inspection: Inspection, path: Path) -> None:
-    """One object per image, with null where nothing is recorded."""
-    rows = [{name: getattr(row, name) for name in FILE_FIELDS} for row in inspection.rows]
-    text = json.dumps(rows, indent=1, ensure_ascii=False, allow_nan=False)
-    write_text(text + "\n", path, shared=True)
-
-
-def write_inspection_csv(inspection: Inspection, path: Path) -> None:
-    """One line per image with the fields as columns; empty cells where nothing is recorded."""
-    buffer = io.StringIO(newline="")
-    writer = csv.writer(buffer)
-    writer.writerow(FILE_FIELDS)
-    for row in inspection.rows:
-        values = asdict(row)
-        values["warnings"] = "; ".join(row.warnings)
-        writer.writerow(["" if values[name] is None else values[name] for name in FILE_FIELDS])
-    write_text(buffer.getvalue(), path, shared=True)
 
 
 def _remarks(inspection: Inspection, width: int) -> list[str]:

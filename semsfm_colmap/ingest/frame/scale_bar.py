@@ -29,12 +29,9 @@ AGREEMENT = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class ScaleBar:
-    """A drawn scale bar: its length between the middles of its end marks, and where it is."""
+    """A drawn scale bar: its length, between the middles of its end marks where it has any."""
 
     length_px: float
-    row: int
-    first_column: int
-    last_column: int
     has_marks: bool
 
 
@@ -101,9 +98,7 @@ def _judge(ink: Bool, separators: Bool, row: int, first: int, last: int) -> Scal
         length = abs(float(np.mean(marks[1])) - float(np.mean(marks[0])))
     else:
         length = float(last - first + 1)
-    return ScaleBar(
-        length_px=length, row=row, first_column=first, last_column=last, has_marks=has_marks
-    )
+    return ScaleBar(length_px=length, has_marks=has_marks)
 
 
 def _extent(column: Bool, row: int) -> int:

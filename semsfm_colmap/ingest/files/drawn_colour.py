@@ -40,8 +40,6 @@ class Limits:
 EXACT = Limits(min_chroma=32, max_grey_chroma=0, min_grey=0.98, max_part=0.4, step=1)
 LOSSY = Limits(min_chroma=96, max_grey_chroma=12, min_grey=0.85, max_part=0.05, step=32)
 """Only bright thin lines are told after JPEG: a tint has as many shades as its artefacts."""
-MIN_ROW_PART = 0.5
-"""Part of the row of a coloured databar that is coloured: the writing in it may be white."""
 
 
 def drawn_colour(pixels: Array, *, lossy: bool) -> Bool | None:
@@ -61,11 +59,3 @@ def drawn_colour(pixels: Array, *, lossy: bool) -> Bool | None:
     _, pixels_of_colour = np.unique(levels @ (1 << np.array([18, 9, 0])), return_counts=True)
     few = np.sort(pixels_of_colour)[::-1][:MAX_COLOURS]
     return coloured if few.sum() >= MIN_IN_FEW_COLOURS * count else None
-
-
-def coloured_databar(coloured: Bool, min_rows: int, max_fraction: float) -> int | None:
-    """First of the rows at the bottom that are mostly coloured, or None if there are too few."""
-    grey = np.flatnonzero(coloured.mean(axis=1) < MIN_ROW_PART)
-    first = int(grey[-1]) + 1 if len(grey) else 0
-    rows = len(coloured) - first
-    return first if min_rows <= rows <= max_fraction * len(coloured) else None

@@ -1,8 +1,6 @@
-"""Write the outputs of the stage: each file whole or not at all."""
+"""8-bit grey pixels as the bytes of an image file."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 
@@ -30,16 +28,3 @@ def encode_grey8(pixels: Array, suffix: str) -> bytes:
             metadata=None,
         )  # fmt: skip
     return buffer.getvalue()
-
-
-def remove_stale(root: Path, names: set[str], keep: set[str]) -> None:
-    """Delete files an earlier run wrote below `root` that this one did not, and empty folders."""
-    for name in sorted(names - keep):
-        path = root / name
-        if Path(name).is_absolute() or ".." in Path(name).parts:
-            continue
-        path.unlink(missing_ok=True)
-        for parent in path.parents:
-            if parent == root or not parent.is_dir() or any(parent.iterdir()):
-                break
-            parent.rmdir()

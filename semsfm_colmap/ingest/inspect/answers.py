@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from semsfm_colmap.ingest.inspect.overlap import Overlap
-from semsfm_colmap.ingest.series.checks import MIN_IMAGES
 from semsfm_colmap.ingest.series.pixel_size import SAME_MAGNIFICATION
+from semsfm_colmap.ingest.series.refusals import MIN_IMAGES
 from semsfm_colmap.io.wording import abbreviate
 from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.ingest.frame.overlay import GROW_PX, Overlay
-from semsfm_colmap.ingest.frame.scan import SourceImage
+from semsfm_colmap.ingest.frame.source import SourceImage
 from semsfm_colmap.ingest.masks.foreground import MIN_TEXTURE_KEPT, find_foreground, texture_kept
 from semsfm_colmap.ingest.masks.given import given_mask
 from semsfm_colmap.ingest.masks.static import find_static, reduced

@@ -1,4 +1,4 @@
-"""What the stage refuses, and what it points out about a whole series, in one sentence each."""
+"""What the stage refuses, in one sentence each."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ from pathlib import Path
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.ingest.files.listing import IMAGE_SUFFIXES
-from semsfm_colmap.ingest.frame.scan import check_crop
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.series.crops import check_crop
 from semsfm_colmap.ingest.series.tilt import parse_axis
-from semsfm_colmap.io.wording import abbreviate
-from semsfm_colmap.types import SemFrame
+from semsfm_colmap.io.layout import IMAGES_FOLDER, MASKS_FOLDER
 
 MIN_IMAGES = 3
 """Two orthographic views leave a one-parameter family of shapes [Koenderink, van Doorn 1991]."""
-SAME_ANGLE_RAD = math.radians(0.1)
 
 
 def check_options(options: IngestOptions) -> None:
@@ -57,10 +55,8 @@ def check_options(options: IngestOptions) -> None:
 
 def check_paths(image_path: Path, project_path: Path) -> None:
     """Refuse to write over the originals."""
-    if image_path.resolve() in (
-        (project_path / "images").resolve(),
-        (project_path / "masks").resolve(),
-    ):
+    written = [(project_path / name).resolve() for name in (IMAGES_FOLDER, MASKS_FOLDER)]
+    if image_path.resolve() in written:
         raise UsageError(
             f"{image_path} is where the prepared images are written; give another output_path, "
             "or move the originals elsewhere."
@@ -90,41 +86,3 @@ def check_enough(usable: int, found: int, image_path: Path, problems: Sequence[s
         "two parallel projections leave a one-parameter family of shapes, so at least three views "
         "are needed."
     )
-
-
-def frame_warnings(frames: Sequence[SemFrame]) -> list[str]:
-    """What is odd about single images; what many share is said once."""
-    names: dict[str, list[str]] = {}
-    for frame in frames:
-        for warning in frame.warnings:
-            names.setdefault(warning, []).append(frame.name)
-    return [f"{abbreviate(who)}: {warning}." for warning, who in names.items()]
-
-
-def series_warnings(frames: Sequence[SemFrame]) -> list[str]:
-    """What only the whole series shows: settings that changed, names that tools stumble over."""
-    warnings = []
-    corrected = [f.name for f in frames if f.metadata.tilt_corrected]
-    if corrected and len(corrected) < len(frames):
-        warnings.append(
-            f"{abbreviate(corrected)}: tilt correction was on here but not in the other images."
-        )
-    rotations = {f.name: f.metadata.scan_rotation_rad for f in frames}
-    known = [angle for angle in rotations.values() if angle is not None]
-    if known and max(known) - min(known) > SAME_ANGLE_RAD:
-        warnings.append(
-            f"the scan rotation changes within the series (from {math.degrees(min(known)):.1f} to "
-            f"{math.degrees(max(known)):.1f} degrees), which turns the images in their plane."
-        )
-    elif known and abs(known[0]) > SAME_ANGLE_RAD:
-        warnings.append(
-            f"the scan is rotated by {math.degrees(known[0]):.1f} degrees, and with it the tilt "
-            "axis in the images."
-        )
-    spaced = [f.name for f in frames if " " in f.name]
-    if spaced:
-        warnings.append(
-            f"{abbreviate(spaced)}: the name has spaces, which COLMAP's text format cannot hold; "
-            "its binary format can."
-        )
-    return warnings

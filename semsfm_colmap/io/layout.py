@@ -1,0 +1,33 @@
+"""Names of the folders and files of a project: for what writes them, and what must pass them by."""
+
+from __future__ import annotations
+
+IMAGES_FOLDER = "images"
+"""Prepared images."""
+MASKS_FOLDER = "masks"
+"""Masks named <image name>.png, as COLMAP has it; a person's own masks lie in one, too."""
+SPARSE_FOLDER = "sparse"
+"""COLMAP models."""
+DENSE_FOLDER = "dense"
+"""Depth maps and the fused cloud."""
+MESH_FOLDER = "mesh"
+REPORT_FOLDER = "report"
+FOLDERS = (
+    IMAGES_FOLDER,
+    MASKS_FOLDER,
+    SPARSE_FOLDER,
+    DENSE_FOLDER,
+    MESH_FOLDER,
+    REPORT_FOLDER,
+)
+
+SERIES_FILE = "series.json"
+"""The prepared series."""
+DATABASE_FILE = "database.db"
+"""COLMAP's database."""
+CONFIG_FILE = "semsfm.toml"
+"""The resolved configuration."""
+RECORD_FILE = "run.json"
+"""Versions, stage times, seeds, input hashes."""
+LOG_FILE = "semsfm.log"
+"""What was said while running."""
