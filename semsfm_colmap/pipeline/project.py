@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.io import layout
 
 if TYPE_CHECKING:
     from semsfm_colmap.types import Reconstruction, SemSeries
@@ -29,57 +30,57 @@ class Project:
     @property
     def config(self) -> Path:
         """The resolved configuration."""
-        return self.path / "semsfm.toml"
+        return self.path / layout.CONFIG_FILE
 
     @property
     def record(self) -> Path:
         """Versions, stage times, seeds, input hashes."""
-        return self.path / "run.json"
+        return self.path / layout.RECORD_FILE
 
     @property
     def log(self) -> Path:
         """What was said while running."""
-        return self.path / "semsfm.log"
+        return self.path / layout.LOG_FILE
 
     @property
     def series(self) -> Path:
         """The prepared series."""
-        return self.path / "series.json"
+        return self.path / layout.SERIES_FILE
 
     @property
     def database(self) -> Path:
         """COLMAP's database."""
-        return self.path / "database.db"
+        return self.path / layout.DATABASE_FILE
 
     @property
     def images(self) -> Path:
         """Prepared images."""
-        return self.path / "images"
+        return self.path / layout.IMAGES_FOLDER
 
     @property
     def masks(self) -> Path:
         """Masks in COLMAP's convention."""
-        return self.path / "masks"
+        return self.path / layout.MASKS_FOLDER
 
     @property
     def sparse(self) -> Path:
         """COLMAP models."""
-        return self.path / "sparse"
+        return self.path / layout.SPARSE_FOLDER
 
     @property
     def dense(self) -> Path:
         """Depth maps and the fused cloud."""
-        return self.path / "dense"
+        return self.path / layout.DENSE_FOLDER
 
     @property
     def mesh(self) -> Path:
         """Meshes."""
-        return self.path / "mesh"
+        return self.path / layout.MESH_FOLDER
 
     @property
     def report(self) -> Path:
         """The report."""
-        return self.path / "report"
+        return self.path / layout.REPORT_FOLDER
 
     def read_series(self) -> SemSeries:
         """The prepared series."""

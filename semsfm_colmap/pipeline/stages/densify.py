@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.atomic import folder_aside
+from semsfm_colmap.io.layout import DENSE_FOLDER
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import DensifyRecord
 
@@ -70,6 +71,6 @@ STAGE = Stage(
     sections=("surface",),
     outputs=lambda p: [p.dense / "fused.ply"],
     run=run,
-    places=("dense",),
+    places=(DENSE_FOLDER,),
     optional=True,
 )

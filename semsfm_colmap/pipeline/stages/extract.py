@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from statistics import median
 
+from semsfm_colmap.io.layout import DATABASE_FILE
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import ExtractRecord, OrientationTrial
 
@@ -72,5 +73,5 @@ STAGE = Stage(
     sections=("features",),
     outputs=lambda p: [p.database],
     run=run,
-    places=("database.db",),
+    places=(DATABASE_FILE,),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from semsfm_colmap.io.layout import IMAGES_FOLDER
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import IngestRecord
@@ -55,6 +56,6 @@ STAGE = Stage(
     outputs=lambda p: [p.series, p.images],
     run=run,
     product=pixels,
-    places=("images",),
+    places=(IMAGES_FOLDER,),
     founds=True,
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from semsfm_colmap.io.layout import SPARSE_FOLDER
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import ExtractRecord, MapRecord, TrackCounts
 
@@ -92,5 +93,5 @@ STAGE = Stage(
     run=run,
     # the first to ask for more of the series than its pixels: size, tilts, warnings
     inputs=lambda p: [p.series],
-    places=("sparse",),
+    places=(SPARSE_FOLDER,),
 )

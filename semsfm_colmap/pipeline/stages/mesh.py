@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from semsfm_colmap.errors import InputError, MissingDependencyError
+from semsfm_colmap.io.layout import MESH_FOLDER
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import MeshRecord
 
@@ -49,6 +50,6 @@ STAGE = Stage(
     sections=("surface",),
     outputs=lambda p: [p.mesh / "mesh.ply"],
     run=run,
-    places=("mesh",),
+    places=(MESH_FOLDER,),
     optional=True,
 )
