@@ -22,6 +22,7 @@ from semsfm_colmap.matching.guided.distinct import distinct_tracks
 from semsfm_colmap.matching.guided.filtering import band_pass
 from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.matching.guided.predict import (
+    Predictions,
     References,
     Seeds,
     frontal_references,
@@ -232,25 +233,8 @@ def grow_tracks(
         )
         if not extend:
             where = where.at(known.select(known.image_idx == i))
-        alignment = align_patches(
-            templates,
-            where.track_idx,
-            band_pass(pixels, high_pass),
-            where.xy,
-            where.warp,
-            max_shift_px=options.max_shift_px,
-            min_correlation=options.min_correlation,
-        )
-        found = alignment.found & _inside(read_mask(i), alignment.xy)
-        parts.append(
-            _Found(
-                track=where.track_idx[found],
-                image=np.full(int(found.sum()), i),
-                xy=alignment.xy[found],
-                sigma=np.sqrt(0.5 * np.trace(alignment.covariance[found], axis1=1, axis2=2)),
-                predicted=len(where.track_idx),
-            )
-        )
+        filtered = band_pass(pixels, high_pass)
+        parts.append(_find_in(i, filtered, read_mask(i), where, templates, options))
         if progress is not None:
             progress(i + 1, len(cameras))
     return _assembled(observations.num_images, parts, seeds.references, cameras, options, high_pass)
@@ -265,6 +249,34 @@ class _Found:
     xy: Float
     sigma: Float
     predicted: int
+
+
+def _find_in(
+    i: int,
+    filtered: Array,
+    mask: Bool | None,
+    where: Predictions,
+    templates: Templates,
+    options: GuidedOptions,
+) -> _Found:
+    """Align the patches of the points that should be seen in image i to its filtered pixels."""
+    alignment = align_patches(
+        templates,
+        where.track_idx,
+        filtered,
+        where.xy,
+        where.warp,
+        max_shift_px=options.max_shift_px,
+        min_correlation=options.min_correlation,
+    )
+    found = alignment.found & _inside(mask, alignment.xy)
+    return _Found(
+        track=where.track_idx[found],
+        image=np.full(int(found.sum()), i),
+        xy=alignment.xy[found],
+        sigma=np.sqrt(0.5 * np.trace(alignment.covariance[found], axis1=1, axis2=2)),
+        predicted=len(where.track_idx),
+    )
 
 
 def _inside(mask: Bool | None, xy: Float) -> Bool:
