@@ -7,9 +7,7 @@ scale space, detection, orientation and the SIFT descriptor; COLMAP's also its d
 
 from __future__ import annotations
 
-import os
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from benchmarks import tables
@@ -29,19 +27,22 @@ def main() -> None:
     # loading takes seconds, which --help need not
     from semsfm_colmap.features.options import DetectorOptions
     from semsfm_colmap.ingest.options import IngestOptions
-    from semsfm_colmap.studies.features.options import StudyOptions
-    from semsfm_colmap.studies.features.run import CompareOptions, load_images, time_features
+    from semsfm_colmap.pipeline.executor import ThreadExecutor
+    from semsfm_colmap.studies.features.images import load_images
+    from semsfm_colmap.studies.features.options import CompareOptions, StudyOptions
+    from semsfm_colmap.studies.features.study import time_features
 
     folder, num = args.image_folder, args.num_images
     options = CompareOptions(
         study=StudyOptions(max_num_images=num), detection=DetectorOptions(max_num_features=0)
     )
     best: dict[str, tuple[float, int]] = {}
-    with tempfile.TemporaryDirectory() as work, ThreadPoolExecutor(os.cpu_count()) as pool:
-        images = load_images(folder, Path(work), options, IngestOptions(), None)
+    parallel_map = ThreadExecutor().map
+    with tempfile.TemporaryDirectory() as work:
+        images = load_images(folder, Path(work), options, IngestOptions())
         for _ in range(ROUNDS):
             for detector in DETECTORS:
-                _, entry = time_features(detector, images, options, pool)
+                _, entry = time_features(detector, images, options, parallel_map)
                 now = (entry.microseconds_per_feature, entry.num_features)
                 best[detector] = min(best.get(detector, now), now)
     rows = [[name, number, f"{each:.1f}"] for name, (each, number) in best.items()]

@@ -28,8 +28,9 @@ def main() -> None:
     from semsfm_colmap.features.options import DetectorOptions
     from semsfm_colmap.ingest.options import IngestOptions
     from semsfm_colmap.matching.options import MatchingOptions
-    from semsfm_colmap.studies.features.options import StudyOptions
-    from semsfm_colmap.studies.features.run import CompareOptions, compare_features
+    from semsfm_colmap.pipeline.executor import ThreadExecutor
+    from semsfm_colmap.studies.features.options import CompareOptions, StudyOptions
+    from semsfm_colmap.studies.features.run import compare_features
 
     for name in args.series:
         folder = args.data_folder / name
@@ -46,6 +47,7 @@ def main() -> None:
             ),
             ingest=IngestOptions(),
             truth_path=truth,
+            parallel_map=ThreadExecutor().map,
         )
         (args.output / name / "figure03.png").unlink()
         print(f"{name}: {time.perf_counter() - begin:.0f} s", flush=True)

@@ -17,10 +17,10 @@ from semsfm_colmap.config import config_from_dict
 from semsfm_colmap.errors import SemSfmError
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import load_truth
-from semsfm_colmap.pipeline.orientation import try_orientations
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.runner import run_stages
+from semsfm_colmap.pipeline.stages.orientation import try_project_orientations
 from semsfm_colmap.records import MatchRecord
 
 STAGES = ("ingest", "extract", "match", "map")
@@ -53,7 +53,7 @@ def measure(series: Path, step: int, images: Path, work: Path) -> list[list[Any]
                 rotation = f"{figures['rotation_error_median_deg']:.3f} deg"
         except SemSfmError as error:
             print(f"{series.name}: {error}", flush=True)
-        trial = trial or try_orientations(project, project.read_series(), num_threads=2)
+        trial = trial or try_project_orientations(project, project.read_series(), num_threads=2)
         matched = RunRecord.read(project.record).result("match", MatchRecord)
         pairs = () if matched is None else matched.pairs
         rows.append(

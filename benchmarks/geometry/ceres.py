@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.geometry.series import NOISE_PX, Series, simulate
 from benchmarks.tables import table
 from semsfm_colmap.colmap.library import pycolmap
-from semsfm_colmap.colmap.model.telecentric import pinhole_translations
+from semsfm_colmap.colmap.model.telecentric import pinhole_cameras
 from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.geometry.points import solve_points, track_pointer
 from semsfm_colmap.refinement.adjustment import BundleSettings
@@ -106,7 +106,7 @@ def pinhole_model(start: OrthographicCameras, obs: Observations) -> Any:
         camera_id=1,
     )
     model.add_camera_with_trivial_rig(camera)
-    T = pinhole_translations(start, FOCAL_PX, np.full((len(start), 2), middle))
+    T = pinhole_cameras(start, np.full((len(start), 2), SIZE_PX), FOCAL_PX).translation
     number = np.empty(len(obs), dtype=int)
     for i in range(len(start)):
         o = np.flatnonzero(obs.image_idx == i)

@@ -13,7 +13,7 @@ from semsfm_colmap.cli.common import Quiet, Verbose, parse, positional_first, ve
 from semsfm_colmap.features.options import DescriptorOptions, DetectorOptions
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.matching.options import MatchingOptions
-from semsfm_colmap.studies.features.options import StudyOptions
+from semsfm_colmap.studies.features.options import CompareOptions, StudyOptions
 
 DESCRIPTION = (
     "Compare region detectors and descriptors on a series: how many matches each finds and keeps,"
@@ -47,18 +47,23 @@ class Arguments:
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
     parsed = parse(Arguments, positional_first(arguments), "compare-features", DESCRIPTION)
-    from semsfm_colmap.studies.features.run import CompareOptions, compare_features
+    from semsfm_colmap.pipeline.executor import ThreadExecutor
+    from semsfm_colmap.studies.features.run import compare_features
 
-    compare_features(
-        parsed.image_path,
-        parsed.output_path,
-        options=CompareOptions(
-            study=parsed.study,
-            detection=parsed.detection,
-            description=parsed.description,
-            matching=parsed.matching,
-        ),
-        ingest=parsed.ingest,
-        truth_path=parsed.truth,
-        reporter=verbosity(parsed.verbose, parsed.quiet),
-    )
+    reporter = verbosity(parsed.verbose, parsed.quiet)
+    with reporter.progress("compare") as progress:
+        result = compare_features(
+            parsed.image_path,
+            parsed.output_path,
+            options=CompareOptions(
+                study=parsed.study,
+                detection=parsed.detection,
+                description=parsed.description,
+                matching=parsed.matching,
+            ),
+            ingest=parsed.ingest,
+            truth_path=parsed.truth,
+            parallel_map=ThreadExecutor().map,
+            progress=progress,
+        )
+    reporter.say(f"{len(result.counts)} combinations of pairs compared; see {parsed.output_path}")

@@ -5,27 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
 from semsfm_colmap.cli.common import Quiet, parse, positional_first, verbosity
 from semsfm_colmap.exports.options import FormatOptions
+from semsfm_colmap.exports.registry import FORMATS
 
 DESCRIPTION = "Write the model of a project as another program reads it (docs/exports.md)."
 
-FormatName = Literal[
-    "colmap-bin",
-    "colmap-text",
-    "colmap-float32",
-    "colmap-dense",
-    "database-38",
-    "openmvs",
-    "bundler",
-    "nvm",
-    "ply",
-    "nerfstudio",
-    "nfh-sem",
+Format = Annotated[
+    str,
+    tyro.conf.arg(
+        constructor=tyro.extras.literal_type_from_choices(FORMATS),
+        help="; ".join(f"{name}: {entry.description}" for name, entry in FORMATS.items()),
+    ),
 ]
 
 
@@ -35,8 +30,7 @@ class Arguments:
 
     project_path: tyro.conf.Positional[Path]
     """The project folder."""
-    to: FormatName
-    """The format."""
+    to: Format
     output_path: Path | None = None
     """Folder to write; default: PROJECT/export/FORMAT."""
     model: int = 0

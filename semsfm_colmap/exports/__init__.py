@@ -1,1 +1,1 @@
-"""What other programs read: one module a format, a registry, names and pinhole cameras shared."""
+"""What other programs read: one module a format in formats/, a registry, what formats share."""

@@ -13,10 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semsfm_colmap.colmap.model.telecentric import depths_px, required_focal_length
+from semsfm_colmap.colmap.model.telecentric import (
+    PinholeCameras,
+    depths_px,
+    pinhole_cameras,
+    required_focal_length,
+)
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.exports.options import FormatOptions
-from semsfm_colmap.types import Float, Int, Reconstruction
+from semsfm_colmap.exports.scene import ExportScene, Summary
+from semsfm_colmap.types import Reconstruction
 
 MIN_DISTANCE = 4.0
 """No camera nearer than so many times the largest depth: `telecentric.py` keeps to the same."""
@@ -25,34 +31,13 @@ MAX_SKEW_DEVIATION_PX = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PinholeViews:
-    """One pinhole an image: ``xy = focal * x_cam[:2] / x_cam[2] + principal_point``."""
+class PinholeViews(PinholeCameras):
+    """The pinholes of an export, and how far they are from the cameras that they stand for."""
 
-    focal_px: Float
-    """(M, 2) along x and y"""
-    principal_point_px: Float
-    """(M, 2)"""
-    cam_from_world: Float
-    """(M, 3, 3)"""
-    translation: Float
-    """(M, 3) world units"""
     focal_length_px: float
     """The nominal focal length: the focal length of an image of geometric mean magnification"""
     max_deviation_px: float
     """Largest distance to the orthographic cameras over the inlier observations"""
-
-    def project(self, points: Float, image_idx: Int) -> Float:
-        """Project ``points[o]`` into image ``image_idx[o]``: (O, 3), (O,) -> (O, 2) px."""
-        x = np.einsum("oij,oj->oi", self.cam_from_world[image_idx], points)
-        x = x + self.translation[image_idx]
-        return np.asarray(
-            self.focal_px[image_idx] * x[:, :2] / x[:, 2:] + self.principal_point_px[image_idx]
-        )
-
-    @property
-    def centers(self) -> Float:
-        """(M, 3) where the cameras stand in the world."""
-        return np.asarray(-np.einsum("mji,mj->mi", self.cam_from_world, self.translation))
 
 
 def choose_focal_length(
@@ -90,24 +75,47 @@ def choose_focal_length(
     return focal
 
 
+def scene_views(
+    scene: ExportScene, options: FormatOptions, *, float32: bool, equal_distance: bool = False
+) -> PinholeViews:
+    """The pinholes of a scene for a consumer in double precision or in float32."""
+    reconstruction = scene.reconstruction
+    focal = choose_focal_length(reconstruction, scene.focal_length_px, options, float32=float32)
+    return pinhole_views(reconstruction, focal, equal_distance=equal_distance)
+
+
+def square_pixel_views(
+    scene: ExportScene, options: FormatOptions, format_name: str
+) -> PinholeViews:
+    """Pinholes with one focal length each, or the reason why the format cannot hold the cameras."""
+    aspect = scene.reconstruction.cameras.aspect
+    if aspect != 1.0:
+        raise InputError(
+            f"{format_name} holds square pixels only and the cameras have the aspect {aspect:.5g}: "
+            "use colmap-bin, or map the series with square pixels"
+        )
+    return scene_views(scene, options, float32=False)
+
+
+def pinhole_summary(scene: ExportScene, views: PinholeViews) -> Summary:
+    """The figures that every pinhole export states."""
+    return {
+        "num_images": len(scene.names),
+        "num_points": len(scene.reconstruction.points),
+        "focal_length_px": views.focal_length_px,
+        "focal_factor": views.focal_length_px / scene.size_px,
+        "max_deviation_px": views.max_deviation_px,
+    }
+
+
 def pinhole_views(
     reconstruction: Reconstruction, focal_length_px: float, *, equal_distance: bool = False
 ) -> PinholeViews:
-    """Pinholes of a focal length, principal point at the image centre.
+    """Pinholes of a focal length, and their distance to the cameras of the reconstruction.
 
-    Parameters
-    ----------
-    reconstruction : the orthographic cameras; their aspect goes into the focal length along y
-    focal_length_px : nominal
-    equal_distance : put each image's magnification into its focal length, so that all cameras are
-        equally far from the origin, not into its distance. Depth ranges then hold for all images.
-
+    A focal length that puts them into the specimen is refused, and so is a skew that shows.
     """
     cameras = reconstruction.cameras
-    s = np.asarray(cameras.scale_px_per_unit)
-    principal = np.asarray(reconstruction.image_size_px) / 2.0
-    mean_scale = float(np.exp(np.mean(np.log(s))))
-    fx = focal_length_px * s / mean_scale if equal_distance else np.full(len(s), focal_length_px)
     obs = reconstruction.observations.select(reconstruction.inlier)
     points = reconstruction.points[obs.track_idx]
     nearest = float(np.max(np.abs(depths_px(cameras, points, obs.image_idx)), initial=0.0))
@@ -116,21 +124,15 @@ def pinhole_views(
             f"a focal length of {focal_length_px:.4g} px puts the cameras into the specimen, which "
             f"is {2 * nearest:.4g} px deep: give a larger --focal_factor"
         )
-    K2_inverse = np.linalg.inv(cameras.K2)
-    offset = (cameras.translation_px - principal) @ K2_inverse.T / s[:, None]
-    views = PinholeViews(
-        focal_px=np.column_stack([fx, fx * cameras.aspect]),
-        principal_point_px=principal,
-        cam_from_world=cameras.cam_from_world,
-        translation=np.column_stack([offset, fx / s]),
-        focal_length_px=focal_length_px,
-        max_deviation_px=0.0,
+    pinholes = pinhole_cameras(
+        cameras, reconstruction.image_size_px, focal_length_px, equal_distance=equal_distance
     )
     ours = cameras.project(points, obs.image_idx)
-    gap = np.linalg.norm(views.project(points, obs.image_idx) - ours, axis=1)
+    gap = np.linalg.norm(pinholes.project(points, obs.image_idx) - ours, axis=1)
     if cameras.skew != 0.0:
         y = np.einsum("oj,oj->o", cameras.cam_from_world[obs.image_idx, 1], points)
-        shift = float(np.max(np.abs(cameras.skew * s[obs.image_idx] * y), initial=0.0))
+        scale = cameras.scale_px_per_unit[obs.image_idx]
+        shift = float(np.max(np.abs(cameras.skew * scale * y), initial=0.0))
         if shift > MAX_SKEW_DEVIATION_PX:
             raise InputError(
                 f"the cameras have a skew of {cameras.skew:.3g}, which a pinhole camera lacks and "
@@ -138,10 +140,10 @@ def pinhole_views(
                 "export it, or use nfh-sem, which holds the orthographic cameras themselves"
             )
     return PinholeViews(
-        focal_px=views.focal_px,
-        principal_point_px=views.principal_point_px,
-        cam_from_world=views.cam_from_world,
-        translation=views.translation,
+        focal_px=pinholes.focal_px,
+        principal_point_px=pinholes.principal_point_px,
+        cam_from_world=pinholes.cam_from_world,
+        translation=pinholes.translation,
         focal_length_px=focal_length_px,
         max_deviation_px=float(np.max(gap, initial=0.0)),
     )

@@ -1,9 +1,9 @@
-"""What every exporter is handed: a model with its keypoints, images, depth maps and cloud."""
+"""What every exporter is handed: a model with its keypoints, images and depth maps."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,27 +12,15 @@ from semsfm_colmap.colmap.model.rows import model_rows
 from semsfm_colmap.colmap.model.sidecar import FILE_NAME, read_sidecar
 from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.exports.dense import DenseView, dense_views
 from semsfm_colmap.exports.names import plain_names
 from semsfm_colmap.exports.options import FormatOptions
-from semsfm_colmap.types import Array, Float, PointCloud, Reconstruction
+from semsfm_colmap.surface.files import depth_map_path
+from semsfm_colmap.surface.options import SurfaceOptions
+from semsfm_colmap.types import Float, Reconstruction
 
 Summary = dict[str, Any]
 """What an exporter says about what it wrote; goes into export.json."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DenseView:
-    """One depth map with its local planes."""
-
-    image_idx: int
-    depth: Array
-    """(h, w) depth along the viewing direction, world units, nan where unknown"""
-    slope: Array
-    """(2, h, w) change of the depth along x and y, per px of the map"""
-    normal: Array
-    """(3, h, w) unit normals toward the viewer, camera frame"""
-    confidence: Array | None = None
-    """(h, w) 0..1"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,17 +42,29 @@ class ExportScene:
     """Folder of masks in COLMAP's convention"""
     database_path: Path | None = None
     """The project's database"""
-    num_dense_views: int = 0
-    dense_views: Callable[[], Iterator[DenseView]] = lambda: iter(())
-    """The depth maps, one at a time"""
-    cloud: Callable[[], PointCloud] | None = None
-    """Oriented points with standard deviations"""
-    write_ply: Callable[[Path, PointCloud], None] | None = None
+    depth_map_path: Path | None = None
+    """Folder of the project's depth maps"""
 
     @property
     def size_px(self) -> int:
         """The longest side of an image."""
         return int(self.reconstruction.image_size_px.max())
+
+    @property
+    def depth_map_names(self) -> list[str]:
+        """The images that have a depth map."""
+        folder = self.depth_map_path
+        if folder is None:
+            return []
+        return [n for n in self.reconstruction.image_names if depth_map_path(folder, n).is_file()]
+
+    def dense_views(self) -> Iterator[DenseView]:
+        """The depth maps, one at a time."""
+        names = self.depth_map_names
+        if self.depth_map_path is not None and names:
+            yield from dense_views(
+                self.reconstruction, self.depth_map_path, names, SurfaceOptions()
+            )
 
     def copy_images(self, folder: Path) -> None:
         """Copy the registered images under their names in the export."""
@@ -95,9 +95,15 @@ class ExportScene:
 
 
 def read_scene(
-    model_path: Path, image_path: Path, options: FormatOptions, mask_path: Path | None = None
+    model_path: Path,
+    image_path: Path,
+    options: FormatOptions,
+    *,
+    mask_path: Path | None = None,
+    database_path: Path | None = None,
+    depth_map_path: Path | None = None,
 ) -> ExportScene:
-    """Read a model that has its sidecar; depth maps and cloud are added by the caller."""
+    """Read a model that has its sidecar, and remember where what belongs to it lies."""
     reconstruction = read_model(model_path)
     sidecar = read_sidecar(model_path / FILE_NAME)
     rows = model_rows(model_path)
@@ -110,4 +116,6 @@ def read_scene(
         focal_length_px=float(sidecar["telecentric"]["focal_length_px"]),
         image_path=image_path,
         mask_path=mask_path,
+        database_path=database_path,
+        depth_map_path=depth_map_path,
     )

@@ -12,6 +12,7 @@ import numpy as np
 
 from semsfm_colmap.colmap.database.work import DatabaseImage
 from semsfm_colmap.colmap.library import pycolmap
+from semsfm_colmap.colmap.model.build import build_model
 from semsfm_colmap.colmap.model.points_ply import FILE_NAME as POINTS_FILE_NAME
 from semsfm_colmap.colmap.model.points_ply import covariance_of, read_points_ply, write_points_ply
 from semsfm_colmap.colmap.model.sidecar import (
@@ -22,7 +23,7 @@ from semsfm_colmap.colmap.model.sidecar import (
     sidecar_dict,
 )
 from semsfm_colmap.colmap.model.telecentric import (
-    pinhole_translations,
+    pinhole_cameras,
     project_pinhole,
     required_focal_length,
 )
@@ -65,58 +66,6 @@ def model_deviation(model: Any, reconstruction: Reconstruction) -> float:
     return float(np.max(np.linalg.norm(pinhole - ours, axis=1), initial=0.0))
 
 
-def build_model(
-    reconstruction: Reconstruction,
-    database_images: Mapping[str, DatabaseImage],
-    keypoints: Mapping[str, Float],
-    focal_length_px: float,
-) -> Any:
-    """A pycolmap.Reconstruction with the telecentric pinhole; image ids are the database's."""
-    cameras = reconstruction.cameras
-    model = pycolmap.Reconstruction()
-    sizes = reconstruction.image_size_px
-    principal = sizes / 2.0
-    T = pinhole_translations(cameras, focal_length_px, principal)
-    camera_of_size: dict[tuple[int, int], int] = {}
-    for size in dict.fromkeys((int(w), int(h)) for w, h in sizes):
-        focal = [focal_length_px]
-        if cameras.aspect != 1.0:
-            focal.append(focal_length_px * cameras.aspect)
-        camera = pycolmap.Camera(
-            model="SIMPLE_PINHOLE" if len(focal) == 1 else "PINHOLE",
-            width=size[0],
-            height=size[1],
-            params=[*focal, size[0] / 2.0, size[1] / 2.0],
-            camera_id=len(camera_of_size) + 1,
-        )
-        model.add_camera_with_trivial_rig(camera)
-        camera_of_size[size] = camera.camera_id
-    obs = reconstruction.observations.select(reconstruction.inlier)
-    for i, name in enumerate(reconstruction.image_names):
-        image = pycolmap.Image(
-            name=name,
-            keypoints=np.asarray(keypoints[name], dtype=np.float64),
-            camera_id=camera_of_size[int(sizes[i, 0]), int(sizes[i, 1])],
-            image_id=database_images[name].image_id,
-        )
-        pose = pycolmap.Rigid3d(pycolmap.Rotation3d(np.array(cameras.cam_from_world[i])), T[i])
-        model.add_image_with_trivial_frame(image, pose)
-    image_id = np.array([database_images[n].image_id for n in reconstruction.image_names])
-    bounds = np.searchsorted(obs.track_idx, np.arange(len(reconstruction.points) + 1))
-    colors = reconstruction.point_color
-    grey = np.full(3, 128, dtype=np.uint8)
-    for j in range(len(reconstruction.points)):
-        rows = slice(bounds[j], bounds[j + 1])
-        track = pycolmap.Track()
-        for i, k in zip(obs.image_idx[rows], obs.keypoint_idx[rows], strict=True):
-            track.add_element(int(image_id[i]), int(k))
-        model.add_point3D(
-            np.array(reconstruction.points[j]), track, grey if colors is None else colors[j]
-        )
-    model.update_point_3d_errors()
-    return model
-
-
 def write_model(
     reconstruction: Reconstruction,
     path: Path,
@@ -142,7 +91,14 @@ def write_model(
         reconstruction.image_size_px,
         options.max_deviation_px,
     )
-    model = build_model(reconstruction, database_images, keypoints, focal)
+    names = reconstruction.image_names
+    model = build_model(
+        reconstruction,
+        pinhole_cameras(reconstruction.cameras, reconstruction.image_size_px, focal),
+        names,
+        [database_images[name].image_id for name in names],
+        [keypoints[name] for name in names],
+    )
     with folder_aside(path) as aside:
         model.write_binary(str(aside))
         deviation = model_deviation(pycolmap.Reconstruction(str(aside)), reconstruction)

@@ -12,6 +12,8 @@ magnification is in its T_z and its offset in T_x, T_y.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from semsfm_colmap.types import Float, Int, OrthographicCameras
@@ -54,19 +56,69 @@ def required_focal_length(
     return float(np.ceil(need / digits) * digits)
 
 
-def pinhole_translations(
-    cameras: OrthographicCameras, focal_length_px: float, principal_point: Float
-) -> Float:
-    """Translations (M, 3) of the pinhole cameras, in world units."""
-    s = cameras.scale_px_per_unit
-    K2_inverse = np.linalg.inv(cameras.K2)
-    offset = (cameras.translation_px - principal_point) @ K2_inverse.T
-    return np.column_stack([offset / s[:, None], focal_length_px / s])
-
-
 def project_pinhole(
     R: Float, T: Float, focal_length_px: float | Float, principal_point: Float, points: Float
 ) -> Float:
     """COLMAP's pinholes: (O, 3, 3), (O, 3), f or (O, 2), (O, 2), (O, 3) -> (O, 2) px."""
     cam = np.einsum("oij,oj->oi", R, points) + T
     return np.asarray(focal_length_px * cam[:, :2] / cam[:, 2:] + principal_point)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PinholeCameras:
+    """One pinhole an image: ``xy = focal * x_cam[:2] / x_cam[2] + principal_point``."""
+
+    focal_px: Float
+    """(M, 2) along x and y"""
+    principal_point_px: Float
+    """(M, 2)"""
+    cam_from_world: Float
+    """(M, 3, 3)"""
+    translation: Float
+    """(M, 3) world units"""
+
+    def project(self, points: Float, image_idx: Int) -> Float:
+        """Project ``points[o]`` into image ``image_idx[o]``: (O, 3), (O,) -> (O, 2) px."""
+        return project_pinhole(
+            self.cam_from_world[image_idx],
+            self.translation[image_idx],
+            self.focal_px[image_idx],
+            self.principal_point_px[image_idx],
+            points,
+        )
+
+    @property
+    def centers(self) -> Float:
+        """(M, 3) where the cameras stand in the world."""
+        return np.asarray(-np.einsum("mji,mj->mi", self.cam_from_world, self.translation))
+
+
+def pinhole_cameras(
+    cameras: OrthographicCameras,
+    image_size_px: Int,
+    focal_length_px: float,
+    *,
+    equal_distance: bool = False,
+) -> PinholeCameras:
+    """Pinholes of a focal length, principal point at the image centre.
+
+    Parameters
+    ----------
+    cameras : their aspect goes into the focal length along y; skew, which a pinhole lacks, is lost
+    image_size_px : (M, 2)
+    equal_distance : put each image's magnification into its focal length, so that all cameras are
+        equally far from the origin, not into its distance. Depth ranges then hold for all images.
+
+    """
+    s = np.asarray(cameras.scale_px_per_unit)
+    principal = np.asarray(image_size_px) / 2.0
+    mean_scale = float(np.exp(np.mean(np.log(s))))
+    fx = focal_length_px * s / mean_scale if equal_distance else np.full(len(s), focal_length_px)
+    K2_inverse = np.linalg.inv(cameras.K2)
+    offset = (cameras.translation_px - principal) @ K2_inverse.T / s[:, None]
+    return PinholeCameras(
+        focal_px=np.column_stack([fx, fx * cameras.aspect]),
+        principal_point_px=principal,
+        cam_from_world=cameras.cam_from_world,
+        translation=np.column_stack([offset, fx / s]),
+    )

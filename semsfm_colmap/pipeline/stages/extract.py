@@ -14,7 +14,7 @@ def run(on: StageRun) -> ExtractRecord:
     from semsfm_colmap.colmap.database.scratch import remove_database
     from semsfm_colmap.colmap.database.work import read_images, read_keypoints
     from semsfm_colmap.colmap.sift import extract_sift
-    from semsfm_colmap.pipeline.orientation import try_orientations
+    from semsfm_colmap.pipeline.stages.orientation import try_project_orientations
     from semsfm_colmap.pipeline.stages.own_features import extract_own, is_own
 
     project = on.project
@@ -22,13 +22,22 @@ def run(on: StageRun) -> ExtractRecord:
     options, trial = on.config.features, None
     num_threads = on.executor.num_workers
     if options.upright is None and len(series.names) > 2:
-        trial = try_orientations(project, series, num_threads=num_threads, seed=on.config.seed)
+        trial = try_project_orientations(
+            project, series, num_threads=num_threads, seed=on.config.seed
+        )
         options = replace(options, upright=trial.upright)
     if on.fresh:
         remove_database(project.database)
     with on.reporter.progress("features") as progress:
         if is_own(options):
-            extract_own(project, series, options, num_threads=num_threads, progress=progress)
+            extract_own(
+                project,
+                series,
+                options,
+                num_threads=num_threads,
+                progress=progress,
+                parallel_map=on.executor.map,
+            )
         else:
             extract_sift(
                 project.database,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
 import numpy as np
 
 from semsfm_colmap.config import Config, FeatureOptions
+from semsfm_colmap.features.external import external_regions
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.features.regions import Regions
 from semsfm_colmap.features.registry import (
@@ -19,17 +19,14 @@ from semsfm_colmap.features.registry import (
     prepare,
 )
 from semsfm_colmap.io.grey import read_grey, read_mask
-from semsfm_colmap.pipeline.colmap_regions import colmap_regions, features_of_rows
 from semsfm_colmap.pipeline.project import Project
-from semsfm_colmap.types import Array, Features, Float, SemSeries
+from semsfm_colmap.types import Array, Features, Float, ParallelMap, SemSeries
 
 Progress = Callable[[int, int], None]
 COLMAP_SIFT = "sift"
 """The detector that is COLMAP's own."""
 CHUNK = 8
 """Images whose COLMAP keypoints are found together."""
-BYTE_SCALE = 512.0
-"""COLMAP stores descriptor values of length 1 as round(512 v), cut off at 255."""
 
 
 def is_own(options: FeatureOptions) -> bool:
@@ -58,14 +55,23 @@ def extract_own(
     *,
     num_threads: int,
     progress: Progress,
+    parallel_map: ParallelMap = map,
 ) -> None:
-    """Detect, and describe what fits the database, in images that have no keypoints there yet."""
+    """Detect, and describe what fits the database, in images that have no keypoints there yet.
+
+    Parameters
+    ----------
+    num_threads : of COLMAP, where it takes part in a union
+    parallel_map : over the images for our detectors
+
+    """
     from semsfm_colmap.colmap.database.work import (
         images_without_keypoints,
         read_images,
         write_features,
     )
     from semsfm_colmap.colmap.sift import extractor_number, register_images
+    from semsfm_colmap.colmap.sift_features import descriptor_bytes, rows_of_features, sift_features
 
     register_images(
         project.database, series.names, [(f.width_px, f.height_px) for f in series.frames]
@@ -77,7 +83,8 @@ def extract_own(
 
     size_of = {f.name: (f.width_px, f.height_px) for f in series.frames}
 
-    def features_of(name: str, external: dict[str, Regions]) -> Features:
+    def features_of(image: tuple[str, dict[str, Regions]]) -> Features:
+        name, external = image
         prepared = prepare(
             read_grey(project.images / name), read_mask(project.masks_or_none, name), detection
         )
@@ -85,30 +92,30 @@ def extract_own(
         return describe(options.descriptor, prepared, found) if stores else found
 
     done = len(series.names) - len(todo)
-    with ThreadPoolExecutor(num_threads) as pool:
-        for begin in range(0, len(todo), CHUNK):
-            chunk = todo[begin : begin + CHUNK]
-            external = colmap_regions(
-                options.detector,
+    for begin in range(0, len(todo), CHUNK):
+        chunk = todo[begin : begin + CHUNK]
+
+        def find(detector: str, chunk: Sequence[str] = chunk) -> list[Features]:
+            return sift_features(
+                detector,
                 project.images,
                 chunk,
                 [size_of[name] for name in chunk],
-                detection,
+                max_num_features=detection.max_num_features,
+                upright=detection.upright,
                 mask_path=project.masks_or_none,
                 num_threads=num_threads,
             )
-            found_in = pool.map(features_of, chunk, external)
-            for name, found in zip(chunk, found_in, strict=True):
-                keypoints = np.column_stack([found.xy, found.affine_shape.reshape(-1, 4)])
-                descriptors = (extractor_number(), as_bytes(found.descriptors)) if stores else None
-                write_features(project.database, ids[name], keypoints, descriptors)
-                done += 1
-                progress(done, len(series.names))
 
-
-def as_bytes(descriptors: Array) -> Array:
-    """Descriptors of length 1 (K, 128) as COLMAP stores them: uint8."""
-    return np.clip(np.rint(BYTE_SCALE * descriptors), 0, 255).astype(np.uint8)
+        external = external_regions(options.detector, len(chunk), find)
+        found_in = parallel_map(features_of, zip(chunk, external, strict=True))
+        for name, found in zip(chunk, found_in, strict=True):
+            descriptors = None
+            if stores:
+                descriptors = extractor_number(), descriptor_bytes(found.descriptors)
+            write_features(project.database, ids[name], rows_of_features(found), descriptors)
+            done += 1
+            progress(done, len(series.names))
 
 
 def match_own(
@@ -137,6 +144,7 @@ def match_own(
         read_keypoint_rows,
         write_matches,
     )
+    from semsfm_colmap.colmap.sift_features import features_of_rows
     from semsfm_colmap.matching.nearest import match_nearest
 
     ids = {image.name: image.image_id for image in read_images(project.database)}

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from semsfm_colmap.features.options import DescriptorOptions, DetectorOptions
+from semsfm_colmap.matching.options import MatchingOptions
 
 PAPER_DETECTORS = (
     "harris-affine",
@@ -56,3 +59,13 @@ class StudyOptions:
     """Descriptors of one spot, closer than this, are no rivals in the ratio test."""
     seed: int = 0
     """Seed of the robust verification."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareOptions:
+    """The options of all that takes part."""
+
+    study: StudyOptions = field(default_factory=StudyOptions)
+    detection: DetectorOptions = field(default_factory=DetectorOptions)
+    description: DescriptorOptions = field(default_factory=DescriptorOptions)
+    matching: MatchingOptions = field(default_factory=MatchingOptions)

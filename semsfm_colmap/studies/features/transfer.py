@@ -62,18 +62,6 @@ class Transfer:
         predicted[~self.visible(j, points)] = np.nan
         return predicted
 
-    def warp(self, i: int, j: int, xy: Float, step_px: float = 1.0) -> Float:
-        """Affine maps (K, 2, 2) between the images around each position, by central differences.
-
-        nan where the surface is torn or hidden within `step_px`.
-        """
-        columns = []
-        for axis in np.eye(2):
-            ahead = self.predict(i, j, xy + step_px * axis)
-            behind = self.predict(i, j, xy - step_px * axis)
-            columns.append((ahead - behind) / (2.0 * step_px))
-        return np.stack(columns, axis=-1)
-
     def angle_deg(self, i: int, j: int) -> float:
         """Angle between the two viewing directions."""
         cosine = self.cameras.viewing_direction[i] @ self.cameras.viewing_direction[j]

@@ -15,10 +15,8 @@ from semsfm_colmap.config import config_from_dict
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import load_truth
-from semsfm_colmap.pipeline.colmap_regions import features_of_rows
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.runner import run_stages
-from semsfm_colmap.pipeline.stages.own_features import as_bytes
 
 STAGES = ("ingest", "extract", "match", "map")
 
@@ -76,16 +74,3 @@ def test_an_unknown_detector_or_descriptor_is_refused_in_one_sentence(small_seri
                 names=("ingest", "extract"),
                 image_path=small_series / "images",
             )
-
-
-def test_descriptors_are_stored_as_colmap_scales_them():
-    assert as_bytes(np.array([[0.0, 0.1, 0.6]])).tolist() == [[0, 51, 255]]
-
-
-def test_features_are_read_back_from_keypoint_rows():
-    angle, scale = 0.3, 4.0
-    frame = scale * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    features = features_of_rows(np.array([[10.0, 20.0, *frame.ravel()]]))
-    np.testing.assert_allclose(features.scale_px, [scale])
-    np.testing.assert_allclose(features.angle_rad, [angle])
-    np.testing.assert_allclose(features.xy, [[10.0, 20.0]])

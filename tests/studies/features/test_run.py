@@ -5,9 +5,8 @@ import pytest
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.pipeline.reporter import Reporter
-from semsfm_colmap.studies.features.options import UNION, StudyOptions
-from semsfm_colmap.studies.features.run import CompareOptions, compare_features
+from semsfm_colmap.studies.features.options import UNION, CompareOptions, StudyOptions
+from semsfm_colmap.studies.features.run import compare_features
 from semsfm_colmap.synthetic import SynthesizeOptions, synthesize
 
 STUDY = StudyOptions(
@@ -41,7 +40,6 @@ def run(series, output, **more):
         output,
         options=more.pop("options", OPTIONS),
         ingest=IngestOptions(),
-        reporter=Reporter(-1),
         **more,
     )
 

@@ -63,15 +63,5 @@ def test_beside_the_specimen_nothing_is_predicted(sphere):
     assert np.isnan(sphere.predict(0, 1, np.array([[20.0, 20.0]]))).all()
 
 
-def test_the_local_warp_is_the_derivative_of_the_prediction(sphere):
-    xy = sphere.cameras.project(
-        np.array([[0.0, 0.0, -RADIUS], [0.6, -0.5, -np.sqrt(4 - 0.61)]]), np.zeros(2, dtype=int)
-    )
-    warp = sphere.warp(0, 1, xy, step_px=0.5)
-    step = np.array([0.3, -0.2])
-    moved = sphere.predict(0, 1, xy + step) - sphere.predict(0, 1, xy)
-    assert np.allclose(warp @ step, moved, atol=0.005)
-
-
 def test_the_viewing_angle_is_that_between_the_cameras(sphere):
     assert sphere.angle_deg(0, 1) == pytest.approx(25.0)

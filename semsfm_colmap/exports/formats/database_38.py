@@ -8,7 +8,7 @@ from pathlib import Path
 
 from semsfm_colmap.colmap.database.schema38 import write_database_38
 from semsfm_colmap.errors import InputError, UsageError
-from semsfm_colmap.exports.colmap_model import write_binary
+from semsfm_colmap.exports.colmap_files import write_telecentric
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.scene import ExportScene, Summary
 
@@ -25,9 +25,7 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     write_database_38(scene.database_path, target)
     if scene.names != scene.reconstruction.image_names:
         _rename_images(scene, target)
-    sparse = folder / "sparse"
-    sparse.mkdir()
-    return write_binary(scene, sparse, options)
+    return write_telecentric(scene, folder / "sparse", options)
 
 
 def _rename_images(scene: ExportScene, database: Path) -> None:

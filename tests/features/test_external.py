@@ -6,24 +6,29 @@ import cv2
 import numpy as np
 import pytest
 
+from semsfm_colmap.colmap.sift_features import VARIANTS, sift_features
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.features.external import external_regions
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.features.regions import regions_from_frames
 from semsfm_colmap.features.registry import EXTERNAL, describe, detect, prepare
-from semsfm_colmap.pipeline.colmap_regions import VARIANTS, colmap_features, colmap_regions
 from tests.features.images import disk, textured
 from tests.features.test_geometry import disk_scale
 
 UPRIGHT = DetectorOptions(upright=True, max_num_features=0)
 
 
-def regions_in(folder, image, union, options=UPRIGHT):
+def regions_in(folder, image, union):
     """What COLMAP finds in one image, written as a file for it."""
     (folder / "images").mkdir(exist_ok=True)
     pixels = np.clip(np.rint(image), 0, 255).astype(np.uint8)
     cv2.imwrite(str(folder / "images" / "one.png"), pixels)
     size = [(image.shape[1], image.shape[0])]
-    return colmap_regions(union, folder / "images", ["one.png"], size, options)[0]
+
+    def find(detector):
+        return sift_features(detector, folder / "images", ["one.png"], size, upright=True)
+
+    return external_regions(union, 1, find)[0]
 
 
 def test_every_external_detector_has_its_options():
@@ -85,9 +90,9 @@ def test_without_its_regions_the_detector_is_refused():
 def test_the_plain_variant_is_what_colmap_finds(tmp_path):
     image = textured()
     regions = regions_in(tmp_path, image, "colmap-sift")["colmap-sift"]
-    found = colmap_features("colmap-sift", tmp_path / "images", ["one.png"], [(320, 240)], UPRIGHT)[
-        0
-    ]
+    found = sift_features(
+        "colmap-sift", tmp_path / "images", ["one.png"], [(320, 240)], upright=True
+    )[0]
     np.testing.assert_allclose(regions.xy + 0.5, found.xy)
     np.testing.assert_allclose(regions.scale_px, found.scale_px, rtol=1e-6)
     assert found.descriptors.shape == (len(found.xy), 128)

@@ -14,11 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from semsfm_colmap.errors import UsageError
-from semsfm_colmap.exports.colmap_model import pinhole_summary
 from semsfm_colmap.exports.options import FormatOptions
-from semsfm_colmap.exports.pinhole import choose_focal_length, pinhole_views
+from semsfm_colmap.exports.pinhole import pinhole_summary, scene_views
 from semsfm_colmap.exports.scene import ExportScene, Summary
+from semsfm_colmap.io.ply import write_ply
 from semsfm_colmap.types import PointCloud
 
 FLIP = np.array([1.0, -1.0, -1.0])
@@ -26,11 +25,8 @@ FLIP = np.array([1.0, -1.0, -1.0])
 
 def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """transforms.json, images/ and sparse_pc.ply"""
-    if scene.write_ply is None:
-        raise UsageError("the scene has no PLY writer: export through semsfm_colmap.export_project")
     reconstruction = scene.reconstruction
-    focal = choose_focal_length(reconstruction, scene.focal_length_px, options, float32=True)
-    views = pinhole_views(reconstruction, focal)
+    views = scene_views(scene, options, float32=True)
     # a power of two changes no digit of the world's coordinates
     extent = float(np.max(np.abs(reconstruction.points), initial=0.0)) or 1.0
     scale = 2.0 ** -np.ceil(np.log2(extent))
@@ -70,6 +66,6 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     cloud = PointCloud(
         points=scale * reconstruction.points, colors=grey if colors is None else colors
     )
-    scene.write_ply(folder / "sparse_pc.ply", cloud)
+    write_ply(folder / "sparse_pc.ply", cloud)
     scene.copy_images(folder / "images")
     return {**pinhole_summary(scene, views), "world_scale": scale, "camera_distance": distance}

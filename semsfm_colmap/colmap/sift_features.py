@@ -1,4 +1,4 @@
-"""COLMAP's SIFT keypoints as regions, for unions with our detectors and for the comparison."""
+"""Keypoints that COLMAP finds, as features of ours: of images in a folder, or of database rows."""
 
 from __future__ import annotations
 
@@ -11,11 +11,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.colmap.options import SiftOptions
-from semsfm_colmap.features.frames import PIXEL_CENTRE
-from semsfm_colmap.features.options import DetectorOptions
-from semsfm_colmap.features.regions import Regions, regions_from_frames
-from semsfm_colmap.features.registry import EXTERNAL, external_parts
-from semsfm_colmap.types import Features, Float
+from semsfm_colmap.types import Array, Features, Float
 
 NO_LIMIT = 10**6
 VARIANTS: dict[str, dict[str, Any]] = {
@@ -23,25 +19,30 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "colmap-sift-affine": {"estimate_affine_shape": True},
     "colmap-sift-pooled": {"domain_size_pooling": True},
 }
+"""COLMAP's detectors by the names that unions call them, and the options that set them apart."""
+BYTE_SCALE = 512.0
+"""COLMAP stores descriptor values of length 1 as round(512 v), cut off at 255."""
 
 
-def colmap_features(
-    detector: str,
+def sift_features(
+    variant: str,
     image_path: Path,
     names: Sequence[str],
     sizes_px: Sequence[tuple[int, int]],
-    options: DetectorOptions,
     *,
+    max_num_features: int = 0,
+    upright: bool = False,
     first_octave: int = SiftOptions.first_octave,
     mask_path: Path | None = None,
     num_threads: int = -1,
 ) -> list[Features]:
-    """Keypoints of some images with COLMAP's own descriptors.
+    """Keypoints of some images with COLMAP's own descriptors, through a database for the purpose.
 
     Parameters
     ----------
-    detector : one of `VARIANTS`
+    variant : one of `VARIANTS`
     sizes_px : width and height of each
+    max_num_features : of an image; 0 sets no limit
 
     """
     from semsfm_colmap.colmap.database.work import read_descriptors, read_images, read_keypoint_rows
@@ -55,10 +56,10 @@ def colmap_features(
             names,
             sizes_px,
             SiftOptions(
-                max_num_features=options.max_num_features or NO_LIMIT,
+                max_num_features=max_num_features or NO_LIMIT,
                 first_octave=first_octave,
-                upright=options.upright,
-                **VARIANTS[detector],
+                upright=upright,
+                **VARIANTS[variant],
             ),
             mask_path=mask_path,
             num_threads=num_threads,
@@ -70,42 +71,6 @@ def colmap_features(
             values = read_descriptors(database, ids[name]).astype(np.float32)
             features.append(replace(features_of_rows(rows), descriptors=values))
     return features
-
-
-def colmap_regions(
-    union: str,
-    image_path: Path,
-    names: Sequence[str],
-    sizes_px: Sequence[tuple[int, int]],
-    options: DetectorOptions,
-    *,
-    mask_path: Path | None = None,
-    num_threads: int = -1,
-) -> list[dict[str, Regions]]:
-    """What COLMAP's detectors in a union find in each image.
-
-    COLMAP does not say how strong a keypoint is; over its limit it prefers large ones, and so the
-    scale stands for the strength.
-    """
-    result: list[dict[str, Regions]] = [{} for _ in names]
-    for detector in external_parts(union):
-        found = colmap_features(
-            detector,
-            image_path,
-            names,
-            sizes_px,
-            options,
-            mask_path=mask_path,
-            num_threads=num_threads,
-        )
-        for regions, features in zip(result, found, strict=True):
-            regions[detector] = regions_from_frames(
-                features.xy - PIXEL_CENTRE,
-                features.affine_shape,
-                features.scale_px,
-                EXTERNAL[detector],
-            )
-    return result
 
 
 def features_of_rows(rows: Float) -> Features:
@@ -120,3 +85,13 @@ def features_of_rows(rows: Float) -> Features:
         detector_id=np.zeros(len(rows), dtype=np.int64),
         descriptors=np.zeros((len(rows), 0), dtype=np.float32),
     )
+
+
+def rows_of_features(features: Features) -> Float:
+    """Keypoint rows (K, 6) as a database holds them: places and affine frames."""
+    return np.column_stack([features.xy, features.affine_shape.reshape(-1, 4)])
+
+
+def descriptor_bytes(descriptors: Array) -> Array:
+    """Descriptors of length 1 (K, 128) as COLMAP stores them: uint8."""
+    return np.clip(np.rint(BYTE_SCALE * descriptors), 0, 255).astype(np.uint8)

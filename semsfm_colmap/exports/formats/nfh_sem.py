@@ -57,7 +57,7 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     return {
         "num_images": len(scene.names),
         "num_points": len(points),
-        "num_depth_maps": scene.num_dense_views,
+        "num_depth_maps": len(scene.depth_map_names),
         "num_masks": num_masks,
         "max_deviation_px": 0.0,
     }

@@ -9,20 +9,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semsfm_colmap.exports.colmap_model import pinhole_summary
-from semsfm_colmap.exports.model_files import build_pinhole_model
+from semsfm_colmap.exports.colmap_files import write_model
 from semsfm_colmap.exports.options import FormatOptions
-from semsfm_colmap.exports.pinhole import choose_focal_length, pinhole_views
+from semsfm_colmap.exports.pinhole import scene_views
 from semsfm_colmap.exports.scene import ExportScene, Summary
 
 
 def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """images/ and sparse/ with text files."""
-    focal = choose_focal_length(scene.reconstruction, scene.focal_length_px, options, float32=True)
-    views = pinhole_views(scene.reconstruction, focal)
-    model = build_pinhole_model(scene, views, "PINHOLE")
-    (folder / "sparse").mkdir()
-    model.write_text(str(folder / "sparse"))
+    views = scene_views(scene, options, float32=True)
+    summary = write_model(scene, views, folder / "sparse", text=True, camera_model="PINHOLE")
     scene.copy_images(folder / "images")
-    error = float(model.compute_mean_reprojection_error())
-    return {**pinhole_summary(scene, views), "mean_reprojection_error_px": error}
+    return summary

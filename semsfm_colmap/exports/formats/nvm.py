@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from semsfm_colmap.colmap.library import pycolmap
-from semsfm_colmap.exports.bundler import numbers, square_pixel_views
-from semsfm_colmap.exports.colmap_model import pinhole_summary
+from semsfm_colmap.colmap.model.build import quaternion_wxyz
+from semsfm_colmap.exports.numbers import digits
 from semsfm_colmap.exports.options import FormatOptions
+from semsfm_colmap.exports.pinhole import pinhole_summary, square_pixel_views
 from semsfm_colmap.exports.scene import ExportScene, Summary
 
 
@@ -24,9 +24,9 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     reconstruction = scene.reconstruction
     lines = ["NVM_V3", "", str(len(scene.names))]
     for i, name in enumerate(scene.names):
-        x, y, z, w = pycolmap.Rotation3d(np.array(views.cam_from_world[i])).quat
-        pose = np.array([views.focal_px[i, 0], w, x, y, z, *views.centers[i]])
-        lines.append(f"{name} {numbers(pose)} 0 0")
+        turn = quaternion_wxyz(views.cam_from_world[i])
+        pose = np.array([views.focal_px[i, 0], *turn, *views.centers[i]])
+        lines.append(f"{name} {digits(pose)} 0 0")
     lines += ["", str(len(reconstruction.points))]
     obs = reconstruction.observations.select(reconstruction.inlier)
     centred = obs.xy - views.principal_point_px[obs.image_idx]
@@ -35,9 +35,9 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     for j, point in enumerate(reconstruction.points):
         rows = range(bounds[j], bounds[j + 1])
         color = (128, 128, 128) if colors is None else colors[j]
-        measured = [f"{obs.image_idx[o]} {obs.keypoint_idx[o]} {numbers(centred[o])}" for o in rows]
+        measured = [f"{obs.image_idx[o]} {obs.keypoint_idx[o]} {digits(centred[o])}" for o in rows]
         rgb = " ".join(str(int(c)) for c in color)
-        lines.append(" ".join([numbers(point), rgb, str(len(rows)), *measured]))
+        lines.append(" ".join([digits(point), rgb, str(len(rows)), *measured]))
     # a last section without PLY models ends the file
     lines += ["", "0"]
     (folder / "model.nvm").write_text("\n".join(lines) + "\n", encoding="utf-8")

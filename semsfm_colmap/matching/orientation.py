@@ -8,24 +8,25 @@ that finds the region again. Which of the two a series is shows in a few of its 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.matching.nearest import match_nearest
 from semsfm_colmap.matching.options import MatchingOptions
-from semsfm_colmap.pipeline.project import Project
-from semsfm_colmap.types import Features, SemSeries
+from semsfm_colmap.matching.verify import verify_pair
+from semsfm_colmap.types import Features
 
-NUM_FEATURES = 2000
-"""Keypoints of an image that the trial looks at."""
-FIRST_OCTAVE = 0
-"""The trial does without the finest ones, which take most of the time."""
 GAP = 5
 """How far apart the farther pairs are: what turns little from image to image turns more there."""
 LONG_SERIES = 20
 """The trial is made at one place of a shorter series, and at two of a longer one."""
 SIGMAS = 2.0
 """Numbers of places that differ by less, in units of the root of their sum, do not differ."""
+
+FeaturesOf = Callable[[Sequence[int], bool], Sequence[Features]]
+"""Features with descriptors of the images of these numbers, upright or turned."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,48 +54,43 @@ def pilot_images(num_images: int) -> list[tuple[int, int, int]]:
 
 
 def try_orientations(
-    project: Project, series: SemSeries, *, num_threads: int, seed: int = 0
+    num_images: int, features_of: FeaturesOf, *, num_threads: int = 0, seed: int = 0
 ) -> Trial:
-    """Match a few pairs both ways with COLMAP's SIFT and verify what is found.
+    """Match a few pairs both ways and verify what is found.
 
     Parameters
     ----------
-    series : three images or more
+    num_images : three or more, in acquisition order
+    features_of : called once turned, once upright
 
     """
-    from semsfm_colmap.features.options import DetectorOptions
-    from semsfm_colmap.matching.nearest import match_nearest
-    from semsfm_colmap.matching.verify import verify_pair
-    from semsfm_colmap.pipeline.colmap_regions import colmap_features
-
-    trios = pilot_images(len(series.names))
+    trios = pilot_images(num_images)
     images = sorted({k for trio in trios for k in trio})
-    options = MatchingOptions()
     near, far = [], []
     for upright in (False, True):
-        found = colmap_features(
-            "colmap-sift",
-            project.images,
-            [series.names[k] for k in images],
-            [(series.frames[k].width_px, series.frames[k].height_px) for k in images],
-            DetectorOptions(max_num_features=NUM_FEATURES, upright=upright),
-            first_octave=FIRST_OCTAVE,
-            mask_path=project.masks_or_none,
-            num_threads=num_threads,
-        )
-        features = dict(zip(images, found, strict=True))
+        features = dict(zip(images, features_of(images, upright), strict=True))
 
-        def count(i: int, j: int, of: dict[int, Features] = features) -> int:
-            a, b = of[i], of[j]
-            matches = match_nearest(
-                a.descriptors, b.descriptors, max_ratio=options.max_ratio, num_threads=num_threads
-            ).keypoints
-            geometry = verify_pair((i, j), a.xy, b.xy, matches, options, seed)
-            if geometry.F is None:
-                return 0
-            # a place with several dominant gradients has several keypoints
-            return len(np.unique(a.xy[matches[geometry.inlier, 0]], axis=0))
+        def count(i: int, j: int, of: Mapping[int, Features] = features) -> int:
+            return _num_places(of[i], of[j], (i, j), num_threads, seed)
 
         near.append(sum(count(i, j) for i, j, _ in trios))
         far.append(sum(count(i, k) for i, j, k in trios if k > j))
     return Trial(near=(near[0], near[1]), far=(far[0], far[1]))
+
+
+def _num_places(
+    first: Features, second: Features, pair: tuple[int, int], num_threads: int, seed: int
+) -> int:
+    """Places of the first image that have a verified match in the second."""
+    options = MatchingOptions()
+    matches = match_nearest(
+        first.descriptors,
+        second.descriptors,
+        max_ratio=options.max_ratio,
+        num_threads=num_threads,
+    ).keypoints
+    geometry = verify_pair(pair, first.xy, second.xy, matches, options, seed)
+    if geometry.F is None:
+        return 0
+    # a place with several dominant gradients has several keypoints
+    return len(np.unique(first.xy[matches[geometry.inlier, 0]], axis=0))

@@ -2,10 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from semsfm_colmap.config import Config
-from semsfm_colmap.ingest.prepare import prepare_series
-from semsfm_colmap.pipeline.orientation import Trial, pilot_images, try_orientations
-from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.colmap.sift_features import sift_features
+from semsfm_colmap.matching.orientation import Trial, pilot_images, try_orientations
 
 
 @pytest.mark.parametrize("num_images", [3, 4, 6, 7, 13, 19, 20, 48, 300])
@@ -34,22 +32,32 @@ def test_upright_has_to_gain_somewhere_and_to_lose_nowhere(near, far, upright):
 
 
 def series_of(tmp_path, transforms):
-    """One texture under 2 x 3 transforms of its centre, as a prepared project."""
+    """One texture under 2 x 2 transforms about its centre: the features of its images by SIFT."""
     rng = np.random.default_rng(0)
     texture = np.zeros((600, 600), dtype=np.float32)
     for sigma in (1.5, 3.0, 6.0, 12.0):
         layer = cv2.GaussianBlur(rng.normal(size=texture.shape).astype(np.float32), (0, 0), sigma)
         texture += layer / layer.std()
     texture = np.clip(128 + 30 * texture, 0, 255)
-    (tmp_path / "images").mkdir()
     for k, A in enumerate(transforms):
         move = np.column_stack([A, np.array([160, 160]) - np.asarray(A) @ [300, 300]])
         image = cv2.warpAffine(texture, move, (320, 320), flags=cv2.INTER_AREA)
         noisy = np.clip(image + rng.normal(size=image.shape) * 4, 0, 255)
-        cv2.imwrite(str(tmp_path / "images" / f"{k}.png"), noisy.astype(np.uint8))
-    project = Project(tmp_path / "project")
-    project.path.mkdir()
-    return project, prepare_series(tmp_path / "images", project.path, Config().ingest)
+        cv2.imwrite(str(tmp_path / f"{k}.png"), noisy.astype(np.uint8))
+
+    def features_of(images, upright):
+        return sift_features(
+            "colmap-sift",
+            tmp_path,
+            [f"{k}.png" for k in images],
+            [(320, 320)] * len(images),
+            max_num_features=2000,
+            upright=upright,
+            first_octave=0,
+            num_threads=2,
+        )
+
+    return len(transforms), features_of
 
 
 def turn(deg):
@@ -59,19 +67,18 @@ def turn(deg):
 
 def test_a_tilted_texture_is_matched_upright(tmp_path):
     squeezed = [np.diag([np.cos(np.deg2rad(a)), 1.0]) for a in (0, 25, 40, 52)]
-    project, series = series_of(tmp_path, squeezed)
-    assert try_orientations(project, series, num_threads=2).upright
+    assert try_orientations(*series_of(tmp_path, squeezed), num_threads=2).upright
 
 
 def test_a_texture_that_turns_in_the_image_is_not(tmp_path):
-    project, series = series_of(tmp_path, [turn(a) for a in (0, 40, 80, 120)])
-    trial = try_orientations(project, series, num_threads=2)
+    turned = series_of(tmp_path, [turn(a) for a in (0, 40, 80, 120)])
+    trial = try_orientations(*turned, num_threads=2)
     assert not trial.upright
     assert trial.near[0] > 5 * trial.near[1]
 
 
 def test_a_slow_turn_in_the_image_is_seen_in_the_farther_pairs(tmp_path):
-    project, series = series_of(tmp_path, [turn(a) for a in range(0, 91, 15)])
-    trial = try_orientations(project, series, num_threads=2)
+    turned = series_of(tmp_path, [turn(a) for a in range(0, 91, 15)])
+    trial = try_orientations(*turned, num_threads=2)
     assert not trial.upright
     assert trial.far[0] > 2 * trial.far[1]

@@ -11,18 +11,17 @@ import pytest
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.exports.options import FormatOptions
-from semsfm_colmap.exports.pinhole import pinhole_views
 from semsfm_colmap.exports.scene import ExportScene, read_scene
 from semsfm_colmap.exports.write import export_scene
-from semsfm_colmap.pipeline.export import export_project, point_covariance, with_cloud
+from semsfm_colmap.pipeline.export import export_project
 from tests.exports import readers
-from tests.exports.ball_project import ball, image_names
+from tests.exports.ball_project import image_names
 
 
 @pytest.fixture
 def scene(plain_project: Path) -> ExportScene:
     path = plain_project / "sparse" / "0"
-    return with_cloud(read_scene(path, plain_project / "images", FormatOptions()))
+    return read_scene(path, plain_project / "images", FormatOptions())
 
 
 def with_cameras(scene: ExportScene, **changes: float) -> ExportScene:
@@ -54,16 +53,6 @@ def test_a_skew_that_shows_is_refused_and_one_that_does_not_is_stated(scene, tmp
     # 0.002 of 44 px, which the stated deviation must include
     assert 0.05 < summary["max_deviation_px"] < 0.1
     export_scene(with_cameras(scene, skew=0.05), "nfh-sem", tmp_path / "c", FormatOptions())
-
-
-def test_equal_distances_keep_the_projections(scene) -> None:
-    made = scene.reconstruction
-    near = pinhole_views(made, 60_000.0, equal_distance=True)
-    assert np.ptp(near.translation[:, 2]) < 1e-9 * near.translation[0, 2]
-    assert np.ptp(near.focal_px[:, 0]) > 10.0
-    shared = pinhole_views(made, 60_000.0)
-    assert np.ptp(shared.focal_px) == 0.0
-    assert near.max_deviation_px == pytest.approx(shared.max_deviation_px, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -138,24 +127,3 @@ def test_missing_images_and_models_are_answered_with_a_sentence(plain_project, t
         export_project(project, "colmap-bin", model=3)
     with pytest.raises(UsageError, match="not a folder"):
         export_project(tmp_path / "none", "colmap-bin")
-
-
-def test_point_deviations_are_those_of_repeated_measurements() -> None:
-    """Cameras held fixed, 200 draws of the noise: the scatter of the points is the stated sigma."""
-    made = ball(image_names(False), num_points=60)
-    stated = point_covariance(made)
-    rng = np.random.default_rng(0)
-    obs = made.observations
-    A = made.cameras.projection[obs.image_idx]
-    H = np.zeros((len(made.points), 3, 3))
-    np.add.at(H, obs.track_idx, np.einsum("oki,okj->oij", A, A))
-    r = made.residuals()
-    noise = np.sqrt(np.sum(r**2) / (2 * len(obs) - 3 * len(made.points)))
-    moves = []
-    for _ in range(200):
-        b = np.zeros((len(made.points), 3))
-        np.add.at(b, obs.track_idx, np.einsum("oki,ok->oi", A, noise * rng.normal(size=r.shape)))
-        moves.append(np.linalg.solve(H, b[:, :, None])[:, :, 0])
-    scatter = np.mean(np.square(moves), axis=0)
-    ratio = np.sqrt(scatter.sum(axis=1) / np.trace(stated, axis1=1, axis2=2))
-    assert 0.97 < np.median(ratio) < 1.03

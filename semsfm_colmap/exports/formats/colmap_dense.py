@@ -18,11 +18,11 @@ import numpy as np
 
 from semsfm_colmap.colmap.dense_map import pinhole_depth, write_map
 from semsfm_colmap.colmap.presets import DensePreset, command_lines, project_ini
-from semsfm_colmap.exports.colmap_model import pinhole_summary
-from semsfm_colmap.exports.model_files import build_pinhole_model
+from semsfm_colmap.exports.colmap_files import write_model
+from semsfm_colmap.exports.dense import DenseView
 from semsfm_colmap.exports.options import FormatOptions
-from semsfm_colmap.exports.pinhole import PinholeViews, choose_focal_length, pinhole_views
-from semsfm_colmap.exports.scene import DenseView, ExportScene, Summary
+from semsfm_colmap.exports.pinhole import PinholeViews, scene_views
+from semsfm_colmap.exports.scene import ExportScene, Summary
 from semsfm_colmap.types import Int, OrthographicCameras
 
 DEPTH_MARGIN = 0.25
@@ -31,15 +31,11 @@ DEPTH_MARGIN = 0.25
 
 def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """The whole workspace."""
-    reconstruction = scene.reconstruction
-    focal = choose_focal_length(reconstruction, scene.focal_length_px, options, float32=True)
-    views = pinhole_views(reconstruction, focal, equal_distance=True)
-    sparse, stereo = folder / "sparse", folder / "stereo"
-    for path in (sparse, stereo / "depth_maps", stereo / "normal_maps"):
-        path.mkdir(parents=True)
-    (stereo / "consistency_graphs").mkdir()
-    model = build_pinhole_model(scene, views, "PINHOLE")
-    model.write_binary(str(sparse))
+    views = scene_views(scene, options, float32=True, equal_distance=True)
+    stereo = folder / "stereo"
+    for name in ("depth_maps", "normal_maps", "consistency_graphs"):
+        (stereo / name).mkdir(parents=True)
+    summary = write_model(scene, views, folder / "sparse", camera_model="PINHOLE")
     scene.copy_images(folder / "images")
     num_masks = scene.copy_masks(folder / "masks")
     written = [_write_maps(scene, view, views, stereo) for view in scene.dense_views()]
@@ -51,14 +47,12 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     preset = DensePreset(
         depth_min=low,
         depth_max=high,
-        max_depth_error=options.fusion_consistency_px * px / focal,
+        max_depth_error=options.fusion_consistency_px * px / views.focal_length_px,
         min_num_pixels=options.min_fusion_pixels,
     )
     (folder / "project.ini").write_text(project_ini(preset), encoding="utf-8")
     (folder / "commands.txt").write_text(command_lines(preset), encoding="utf-8")
-    summary = pinhole_summary(scene, views)
     summary |= {
-        "mean_reprojection_error_px": float(model.compute_mean_reprojection_error()),
         "num_depth_maps": len(written),
         "num_masks": num_masks,
         "depth_min": low,

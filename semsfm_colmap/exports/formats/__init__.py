@@ -1,0 +1,1 @@
+"""One module a format, independent of the others: `write(scene, folder, options)`."""
