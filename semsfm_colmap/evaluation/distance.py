@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from semsfm_colmap.geometry.mesh_normals import angle_weighted_normals, face_normals
-from semsfm_colmap.geometry.rays import as_tensor, ray_scene, ray_tensor
+from semsfm_colmap.io.open3d_rays import as_tensor, ray_scene, ray_tensor
 from semsfm_colmap.types import Float, OrthographicCameras, TriangleMesh
 
 NUM_PROBES = 64

@@ -20,8 +20,8 @@ import numpy as np
 
 from semsfm_colmap.geometry.mesh_normals import face_normals
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
-from semsfm_colmap.geometry.rays import ray_scene, ray_tensor
 from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
 from semsfm_colmap.synthetic.light_shapes import Shape, build_shape
 from semsfm_colmap.synthetic.primitives import Mesh
 from semsfm_colmap.types import Bool, Float, Int, Observations, OrthographicCameras

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
-from semsfm_colmap.geometry.rays import as_tensor, ray_scene
+from semsfm_colmap.io.open3d_rays import as_tensor, ray_scene
 from semsfm_colmap.synthetic import surface
 from semsfm_colmap.synthetic.options import SynthesizeOptions
 from semsfm_colmap.synthetic.scenes.base import SUPPORT, Specimen

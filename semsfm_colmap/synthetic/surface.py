@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.geometry.rays import ray_tensor
+from semsfm_colmap.io.open3d_rays import ray_tensor
 from semsfm_colmap.synthetic.noise import scattered_directions
 from semsfm_colmap.synthetic.scenes.base import Specimen
 from semsfm_colmap.types import Array, Float

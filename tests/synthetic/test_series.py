@@ -16,8 +16,8 @@ import pytest
 import tifffile
 
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.geometry.rays import ray_scene, ray_tensor
 from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
 from semsfm_colmap.synthetic import SynthesizeOptions, example_options, synthesize
 from semsfm_colmap.synthetic.detector import MEDIAN_GREY
 from semsfm_colmap.types import Array

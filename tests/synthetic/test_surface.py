@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
-from semsfm_colmap.geometry.rays import ray_scene
+from semsfm_colmap.io.open3d_rays import ray_scene
 from semsfm_colmap.synthetic.primitives import Mesh, geodesic_sphere, grid_faces, merged
 from semsfm_colmap.synthetic.scenes.base import Specimen
 from semsfm_colmap.synthetic.surface import (

@@ -107,7 +107,7 @@ def colmap_finder(
 
 def true_transfer(truth: Truth, names: tuple[str, ...]) -> Transfer:
     """True correspondences between the images named."""
-    from semsfm_colmap.geometry.rays import ray_scene, ray_tensor
+    from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
 
     if truth.mesh is None:
         raise InputError(f"{truth.path} holds no mesh.npz: the true surface is needed.")

@@ -11,8 +11,8 @@ import numpy as np
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
-from semsfm_colmap.geometry.rays import ray_scene, ray_tensor
 from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
 from semsfm_colmap.types import Array, Float, TriangleMesh
 
 _LIGHT_CAM = np.array([-0.45, -0.55, -0.70]) / np.linalg.norm([-0.45, -0.55, -0.70])

@@ -18,8 +18,8 @@ import numpy as np
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
-from semsfm_colmap.geometry.rays import ray_scene, ray_tensor
 from semsfm_colmap.io.open3d_library import import_open3d
+from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import read_raster
 from semsfm_colmap.surface.texture.texture_kernels import add_image, rasterize

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from semsfm_colmap.geometry.rays import as_tensor, ray_scene, ray_tensor
+from semsfm_colmap.io.open3d_rays import as_tensor, ray_scene, ray_tensor
 from semsfm_colmap.synthetic.primitives import geodesic_sphere
 from tests.oracles.rays import is_hidden
 
