@@ -116,6 +116,16 @@ def test_a_second_run_gives_the_same_model_and_database(project):
         np.testing.assert_array_equal(rows, after[2][pair])
 
 
+def test_without_run_json_guided_keypoints_are_not_taken_for_measured_ones(project):
+    before, model = stored(project), read_model(project / "sparse" / "0")
+    (project / "run.json").unlink()
+    run_stages(project, Config(), names=("map",))
+    after, again = stored(project), read_model(project / "sparse" / "0")
+    np.testing.assert_array_equal(model.cameras.cam_from_world, again.cameras.cam_from_world)
+    for name in before[0]:
+        np.testing.assert_array_equal(before[0][name], after[0][name])
+
+
 def test_switched_off_the_database_is_as_matching_left_it(project):
     keypoints, described, matches = stored(project)
     run_stages(project, PLAIN, names=("map",))
