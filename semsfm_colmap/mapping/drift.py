@@ -1,4 +1,4 @@
-"""The last adjustment of a guided pass: own weights if asked for, scan drift taken out."""
+"""The last adjustment of a guided pass: own weights if asked for, drift and drag taken out."""
 
 from __future__ import annotations
 
@@ -9,10 +9,14 @@ import numpy as np
 from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.matching.guided.grow import Grown
 from semsfm_colmap.matching.guided.noise import fit_relative_sigma
+from semsfm_colmap.refinement.displaced import (
+    Displacement,
+    find_displacement,
+    without_displacement,
+)
 from semsfm_colmap.refinement.noise import expected_share
 from semsfm_colmap.refinement.options import RefinementOptions
-from semsfm_colmap.refinement.refine import Refined, refine
-from semsfm_colmap.refinement.scan_drift import adjust_with_drift, without_drift
+from semsfm_colmap.refinement.refine import CHI_SQUARE_TOLERANCE, Refined, refine
 from semsfm_colmap.types import Float, Observations
 
 
@@ -22,8 +26,8 @@ class LastAdjustment:
 
     refined: Refined
     observations: Observations
-    drift_px: Float
-    """(num_images, 2) from the first row to the last; zero where none was sought"""
+    displacement: Displacement
+    """what was taken out of them, of the images that are registered"""
 
 
 def adjust_last(
@@ -38,9 +42,9 @@ def adjust_last(
 ) -> LastAdjustment | None:
     """Adjust the observations as they would be in frames that were scanned at once.
 
-    The drift within the frames is estimated with the cameras; it is then subtracted from the
-    observations, to which the cameras are adjusted as usual: what is written agrees with itself,
-    for programs too that know of no drift.
+    The drift within the frames and the drag of the shading are estimated with the cameras; they are
+    then subtracted from the observations, to which the cameras are adjusted as usual: what is
+    written agrees with itself, for programs too that know of neither.
 
     Parameters
     ----------
@@ -48,27 +52,21 @@ def adjust_last(
 
     """
     observations = with_own_sigma(grown, value) if own_weights else grown.observations
-    drift = np.zeros((observations.num_images, 2))
-    if refinement.drift_sigma_px > 0.0:
-        found = adjust_with_drift(
-            value.cameras,
-            value.observations,
-            height_px[value.images],
-            drift_sigma_px=refinement.drift_sigma_px,
-            scale_sigma=refinement.scale_sigma,
-            sigma_px=value.sigma_px,
-            solver=SolverOptions(
-                loss=refinement.last_loss,
-                loss_width=refinement.loss_width,
-                max_iterations=refinement.max_iterations,
-            ),
-        )
-        assert found.value is not None
-        drift[value.images] = found.value[1]
-        i = observations.image_idx
-        xy = without_drift(observations.xy, drift[i], height_px[i])
-        # as a COLMAP database will hold them
-        observations = replace(observations, xy=xy.astype(np.float32).astype(np.float64))
+    found = find_displacement(
+        value,
+        height_px[value.images],
+        drift_sigma_px=refinement.drift_sigma_px,
+        drag_sigma_px=refinement.drag_sigma_px,
+        scale_sigma=refinement.scale_sigma,
+        solver=SolverOptions(
+            loss=refinement.last_loss,
+            loss_width=refinement.loss_width,
+            max_iterations=refinement.max_iterations,
+            absolute_tolerance=CHI_SQUARE_TOLERANCE,
+        ),
+    )
+    if found.drift_sigma_px > 0.0 or found.drag_px != 0.0:
+        observations = without_displacement(observations, found, value, height_px)
     last = refine(
         value.cameras,
         value.images,
@@ -79,7 +77,10 @@ def adjust_last(
     )
     if last.value is None or len(last.value.images) < len(value.images):
         return None
-    return LastAdjustment(refined=last.value, observations=observations, drift_px=drift)
+    drift = np.zeros((observations.num_images, 2))
+    drift[value.images] = found.drift_px
+    found = replace(found, drift_px=drift[last.value.images])
+    return LastAdjustment(refined=last.value, observations=observations, displacement=found)
 
 
 def with_own_sigma(grown: Grown, value: Refined) -> Observations:

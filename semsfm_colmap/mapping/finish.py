@@ -19,9 +19,10 @@ from semsfm_colmap.refinement.depth_reversal import (
     reverse_depth,
     visibility_cues,
 )
+from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined
-from semsfm_colmap.refinement.trust import covariance_of, reliability
+from semsfm_colmap.refinement.trust import reliability, uncertainty_of
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Reconstruction
 
 GAUGE = (
@@ -32,15 +33,18 @@ GAUGE = (
 RELIABILITY = (
     "total_rotation_deg",
     "total_rotation_sigma_deg",
+    "total_rotation_sigma_parts_deg",
     "depth_uncertainty",
     "best_model",
     "models",
     "leave_one_out",
     "scan_drift",
     "drift_px",
+    "drag",
 )
 """Diagnostics that say how far to trust a model. `drift_px`: what was taken out of the observations
-of each image, displacement in x and y of the last row against the first."""
+of each image, displacement in x and y of the last row against the first; `drag`: what was taken
+out by the shading's coefficient (`refinement.drag`)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,7 +77,7 @@ def finish(
     tilt_notes: list[str],
     tilt: TiltPrior | None,
     first: Refined,
-    drift_sigma_px: float,
+    displacement: Displacement,
 ) -> MappedPart:
     """Error bars, hand, gauge and world unit of a refined part.
 
@@ -82,13 +86,14 @@ def finish(
 
     Parameters
     ----------
-    drift_sigma_px : prior of the scan drift where it was taken out of the observations, else 0
+    displacement : what was taken out of the observations
 
     """
     sizes = image_size_px[refined.images]
-    covariance = covariance_of(refined, sizes[:, 1].astype(float), drift_sigma_px)
+    uncertainty = uncertainty_of(refined, sizes[:, 1].astype(float), displacement)
+    covariance = None if uncertainty is None else uncertainty.total
     figures, notes = reliability(
-        refined, covariance, options, sizes[:, 1].astype(float), tilt_known=tilt is not None
+        refined, uncertainty, options, sizes[:, 1].astype(float), tilt_known=tilt is not None
     )
     if "leave_one_out" in figures:
         numbers = figures["leave_one_out"]["images"]

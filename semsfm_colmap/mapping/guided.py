@@ -17,6 +17,7 @@ from semsfm_colmap.io.grey import read_grey, read_mask
 from semsfm_colmap.mapping.drift import adjust_last
 from semsfm_colmap.matching.guided.grow import Grown, grow_tracks
 from semsfm_colmap.matching.guided.options import GuidedOptions
+from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, refine
 from semsfm_colmap.types import Array, Bool, Float, Int, Observations
@@ -77,8 +78,8 @@ class Guided:
     refined: Refined
     observations: Observations
     """of the whole series' images; `keypoint_idx` counts from 0 within each image"""
-    drift_px: Float
-    """(num_images, 2) what was taken out of the observations, from the first row to the last"""
+    displacement: Displacement
+    """what was taken out of the observations"""
     figures: dict[str, Any]
 
 
@@ -146,7 +147,7 @@ def refine_guided(
     return Guided(
         refined=last,
         observations=end.observations,
-        drift_px=end.drift_px,
+        displacement=end.displacement,
         figures={
             "num_passes": k + 1,
             "high_pass_px": grown.high_pass_px,
@@ -158,7 +159,7 @@ def refine_guided(
             "mean_track_length": len(last.observations) / max(len(last.tracks), 1),
             "sigma_before_px": first.sigma_px,
             "sigma_px": last.sigma_px,
-            "largest_drift_px": float(np.abs(end.drift_px).max()),
+            "largest_drift_px": float(np.abs(end.displacement.drift_px).max(initial=0.0)),
         },
     )
 

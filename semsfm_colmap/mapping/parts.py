@@ -17,6 +17,7 @@ from semsfm_colmap.mapping.finish import MappedPart, finish
 from semsfm_colmap.mapping.guided import Guide, refine_guided
 from semsfm_colmap.mapping.tilt import known_tilts, with_known_tilt
 from semsfm_colmap.motion.prior import TiltPrior
+from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import refine
 from semsfm_colmap.refinement.trust import SMALL_ROTATION_DEG
@@ -26,6 +27,8 @@ from semsfm_colmap.types import Float, Int, Observations, Solution
 
 NOTED_DRIFT_PX = 0.1
 """Scan drift below this is not worth a sentence."""
+NOTED_DRAG_PX = 0.1
+"""A drag below this is not worth a sentence."""
 WEAK_GAP = 1.5
 """Fourth over third eigenvalue of the camera basis constraints: 1.05 for a chain whose slow bending
 noise hides, above 2 for all series that came out right."""
@@ -123,7 +126,8 @@ def map_observations(
             )
             continue
         first, used = refined.value, seen
-        value, figures, drift_sigma, drift_said = first, {}, 0.0, []
+        value, figures, drift_said = first, {}, []
+        displacement = Displacement.none(len(first.images))
         if guide is not None and guide.options.enabled:
             second = refine_guided(
                 first,
@@ -139,16 +143,16 @@ def map_observations(
                 say("guided pass: it finds less than is known already, and was left out")
             else:
                 value, used = second.refined, second.observations
-                drift = second.drift_px[value.images].tolist()
+                displacement = second.displacement
                 names = [image_names[i] for i in value.images]
                 figures = {
                     "guided": second.figures,
-                    "drift_px": dict(zip(names, drift, strict=True)),
+                    "drift_px": dict(zip(names, displacement.drift_px.tolist(), strict=True)),
+                    "drag": displacement.drag_figures,
                 }
-                drift_sigma = refinement.drift_sigma_px
-                drift_said = drift_notes(second.drift_px)
+                drift_said = [*drift_notes(displacement.drift_px), *drag_notes(displacement)]
         value, tilt_figures, tilt_notes = with_known_tilt(
-            value, image_names, refinement, tilt, height_px, drift_sigma
+            value, image_names, refinement, tilt, height_px, displacement
         )
         if start.diagnostics.get("eigenvalue_gap", np.inf) < WEAK_GAP:
             tilt_notes = [WEAK_NOTE, *tilt_notes]
@@ -165,7 +169,7 @@ def map_observations(
                 [*tilt_notes, *drift_said],
                 tilt,
                 first,
-                drift_sigma,
+                displacement,
             )
         )
         say(mapped[-1].reconstruction.depth_sign.message)
@@ -191,6 +195,18 @@ def drift_notes(drift_px: Float) -> list[str]:
     return [
         "the specimen drifted while the frames were scanned, the last row against the first by up "
         f"to {largest:.2f} px; the observations are given as they would be without (drift_px)"
+    ]
+
+
+def drag_notes(displacement: Displacement) -> list[str]:
+    """What to say of the drag taken out of a part."""
+    drag, sigma = displacement.drag_px, displacement.drag_sigma_px
+    if abs(drag) < max(NOTED_DRAG_PX, 2.0 * sigma):
+        return []
+    return [
+        f"shading pulls features {'down' if drag > 0 else 'up'} the slopes, by up to "
+        f"{0.5 * abs(drag):.2f} px ({drag:.2f} +- {sigma:.2f} times n_c n_xy of the normal); the "
+        "observations are given as they would be without (drag)"
     ]
 
 

@@ -1,0 +1,224 @@
+"""Error bars that hold: noise, what neighbours err in together, and what all err in together.
+
+The covariance of a bundle adjustment takes every observation for an independent one. They are not:
+neighbours share relief, shading and blur, and some errors are common to the whole series. A small
+set of *modes* says so. A mode is a vector of the camera parameters, one standard deviation of an
+independent error; the points follow the cameras. With C the formal covariance (`covariance`) and m
+the modes, any function with derivative d has the variance
+
+    d^T C d + sum_m (d . m)^2,
+
+and its parts keep their names:
+
+*noise*: C, independent noise of every observation.
+
+*clustered*: the surface is cut into K patches (k-means of the points). Observation o pulls the
+cameras by ``-C J_o^T w_o r_o`` (at their optimal points the residuals of a track leave nothing
+else). If errors are correlated within patches but not between them, the sums over each patch are
+independent samples, and as modes add up to the cluster-robust (sandwich) covariance [Liang and
+Zeger 1986; K / (K - 1) for the mean that the fit has taken off].
+
+*shading*: what the drag (`drag`) does not know: its coefficient is a law for an average specimen.
+The mode of a shared parameter is the movement of all others with it, ``C e_c / C_cc``.
+
+*floor*: all angles too large by the same share; see `FLOOR_SHARE`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numba
+import numpy as np
+
+from semsfm_colmap.geometry.alignment import align_rotations
+from semsfm_colmap.geometry.eliminated import CameraModel, Eliminated, precision_of
+from semsfm_colmap.geometry.points import add_observation, invert_symmetric, track_pointer
+from semsfm_colmap.geometry.rotations import vector_from_rotation
+from semsfm_colmap.geometry.threads import threads_for
+from semsfm_colmap.refinement.covariance import CameraCovariance, Covariance
+from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
+
+NUM_PATCHES = 100
+"""Patches of the surface: small enough to be many, large against what neighbours share."""
+MIN_PATCH_POINTS = 8
+"""Points that a patch holds at least, on the average."""
+FLOOR_SHARE = 0.0012
+"""Standard deviation of what remains in all angles without any shading: renders of nothing but
+albedo come out 0.1 to 0.18 % too small."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Uncertainty:
+    """Covariance of cameras and points, in parts."""
+
+    noise: Covariance
+    """Formal: of independent noise"""
+    total: Covariance
+    """Standard deviations and points with everything in them; `cameras` is the formal part"""
+    modes: Mapping[str, Float]
+    """For each name vectors (n, k) of the camera parameters, each a standard deviation"""
+
+    def parts(self, direction: Float) -> dict[str, float]:
+        """Standard deviation of a combination (n,) of the camera parameters, by cause."""
+        found = {"noise": float(np.sqrt(self.noise.cameras.variance(direction)))}
+        for name, modes in self.modes.items():
+            found[name] = float(np.linalg.norm(direction @ modes))
+        return found
+
+    def sigma(self, direction: Float) -> float:
+        """Standard deviation of a combination (n,) of the camera parameters."""
+        return float(np.sqrt(sum(part**2 for part in self.parts(direction).values())))
+
+
+@numba.njit(cache=True)
+def _pull(J, r, w, image_idx, group, out):  # type: ignore[no-untyped-def]
+    for o in range(len(image_idx)):
+        i, k = image_idx[o], group[o]
+        for m in range(J.shape[2]):
+            out[i, m, k] += w[o] * (J[o, 0, m] * r[o, 0] + J[o, 1, m] * r[o, 1])
+
+
+def grouped_pull(J: Float, r: Float, w: Float, param_idx: Int, image_idx: Int, group: Int) -> Float:
+    """``sum_o J_o^T w_o r_o`` over the observations of each group: (n, K), n parameters."""
+    by_image = np.zeros((*param_idx.shape, int(group.max(initial=0)) + 1))
+    _pull(J, r, w, image_idx, group, by_image)
+    out = np.zeros((int(param_idx.max()) + 1, by_image.shape[2]))
+    used = param_idx >= 0
+    np.add.at(out, param_idx[used], by_image[used])
+    return out
+
+
+def apply_covariance(cameras: CameraCovariance, g: Float) -> Float:
+    """``C g`` for g (n,) or (n, k)."""
+    N = cameras.gauge
+    z = cameras.factor.solve(g - N @ (N.T @ g))
+    return np.asarray(z - N @ (N.T @ z))
+
+
+def surface_patches(points: Float, num_patches: int = NUM_PATCHES, seed: int = 0) -> Int:
+    """Cut points (N, 3) into patches of neighbours: (N,) numbers of the patch."""
+    from scipy.cluster.vq import kmeans2
+
+    wanted = int(np.clip(len(points) // MIN_PATCH_POINTS, 2, num_patches))
+    rng = np.random.default_rng(seed)
+    _, label = kmeans2(points, wanted, iter=12, minit="points", seed=rng, missing="warn")
+    return np.asarray(np.unique(label, return_inverse=True)[1], dtype=np.int64)
+
+
+def clustered_modes(
+    model: CameraModel[Any],
+    state: Eliminated[Any],
+    observations: Observations,
+    sigma_px: float,
+    cameras: CameraCovariance,
+    patch: Int,
+) -> Float:
+    """Modes (n, K) of what the patches pull the cameras by; `patch` (N,) of each track."""
+    obs = observations
+    J = model.jacobian(state.params, state.X, obs.image_idx, obs.track_idx)
+    w = state.weight * precision_of(sigma_px, obs)
+    pull = grouped_pull(J, state.residuals, w, model.param_idx, obs.image_idx, patch[obs.track_idx])
+    K = pull.shape[1]
+    return np.asarray(np.sqrt(K / max(K - 1.0, 1.0)) * apply_covariance(cameras, pull))
+
+
+def shared_mode(cameras: CameraCovariance, index: int) -> tuple[Float, float]:
+    """How all parameters (n,) move with a unit of parameter `index`, and its formal sigma."""
+    e = np.zeros(len(cameras.gauge))
+    e[index] = 1.0
+    column = apply_covariance(cameras, e)
+    return column / column[index], float(np.sqrt(column[index]))
+
+
+def stretch_mode(model: CameraModel[Any], cameras: OrthographicCameras, N: Float) -> Float:
+    """All angles larger by one: the rotation vectors (n,) of the images against the mean one.
+
+    Parameters
+    ----------
+    N : (n, 6) orthonormal gauge, which is taken out
+
+    """
+    R = np.asarray(cameras.cam_from_world)
+    mean = align_rotations(R, np.broadcast_to(np.eye(3), R.shape).copy()).T
+    mode = np.zeros(len(N))
+    mode[model.param_idx[:, :3]] = vector_from_rotation(R @ mean.T)
+    return np.asarray(mode - N @ (N.T @ mode))
+
+
+@numba.njit(cache=True, parallel=True)
+def _point_modes(J, A, w, image_idx, pointer, modes, out):  # type: ignore[no-untyped-def]
+    p, K = J.shape[2], modes.shape[2]
+    for j in numba.prange(len(pointer) - 1):
+        H = np.zeros((3, 3))
+        b = np.zeros(3)
+        inverse = np.zeros((3, 3))
+        E = np.zeros((3, K))
+        for o in range(pointer[j], pointer[j + 1]):
+            i = image_idx[o]
+            add_observation(H, b, A[i], 0.0, 0.0, w[o])
+            for m in range(p):
+                for x in range(3):
+                    c = w[o] * (J[o, 0, m] * A[i, 0, x] + J[o, 1, m] * A[i, 1, x])
+                    for k in range(K):
+                        E[x, k] -= c * modes[i, m, k]
+        if not invert_symmetric(H, inverse):
+            out[j] = np.nan
+            continue
+        for x in range(3):
+            for k in range(K):
+                out[j, x, k] = (
+                    inverse[x, 0] * E[0, k] + inverse[x, 1] * E[1, k] + inverse[x, 2] * E[2, k]
+                )
+
+
+def point_modes(
+    model: CameraModel[Any],
+    state: Eliminated[Any],
+    observations: Observations,
+    sigma_px: float,
+    modes: Float,
+) -> Float:
+    """How the points follow modes (n, K) of the cameras: (N, 3, K)."""
+    obs = observations
+    pointer = track_pointer(obs.track_idx, obs.num_tracks)
+    J = model.jacobian(state.params, state.X, obs.image_idx, obs.track_idx)
+    A = np.ascontiguousarray(model.cameras(state.params)[0])
+    padded = np.concatenate([modes, np.zeros((1, modes.shape[1]))])  # index -1 reads the zero
+    out = np.empty((obs.num_tracks, 3, modes.shape[1]))
+    with threads_for(len(J) * modes.shape[1]):
+        _point_modes(
+            J,
+            A,
+            precision_of(sigma_px, obs),
+            obs.image_idx,
+            pointer,
+            np.ascontiguousarray(padded[model.param_idx]),
+            out,
+        )
+    return out
+
+
+def with_modes(
+    noise: Covariance,
+    modes: Mapping[str, Float],
+    model: CameraModel[Any],
+    state: Eliminated[Any],
+    observations: Observations,
+    sigma_px: float,
+) -> Uncertainty:
+    """The formal covariance with the modes added to it."""
+    together = np.concatenate(list(modes.values()), axis=1)
+    padded = np.concatenate([together, np.zeros((1, together.shape[1]))])
+    extra = np.sum(padded[model.param_idx] ** 2, axis=2)  # (M, p)
+    moved = point_modes(model, state, observations, sigma_px, together)
+    total = replace(
+        noise,
+        sigma_rotation_rad=np.sqrt(noise.sigma_rotation_rad**2 + extra[:, :3]),
+        sigma_translation_px=np.sqrt(noise.sigma_translation_px**2 + extra[:, 4:6]),
+        sigma_scale=np.sqrt(noise.sigma_scale**2 + extra[:, 3]),
+        points=noise.points + moved @ moved.transpose(0, 2, 1),
+    )
+    return Uncertainty(noise=noise, total=total, modes=modes)
