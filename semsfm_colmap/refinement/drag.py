@@ -37,6 +37,8 @@ DOUBT_SHARE = 0.25
 """Standard deviation of what the coefficient leaves, as a share of it: shading is no law."""
 DOUBT_FLOOR_PX = 0.15
 """The same where it is zero."""
+SHADING_SIGMA_PX = 0.15
+"""Standard deviation of each other field of the normal by which shading may displace features."""
 NUM_NEIGHBORS = 30
 """Points that a normal is fitted to."""
 MIN_POINTS = 50
@@ -152,6 +154,30 @@ def base_cameras(params: Any) -> OrthographicCameras:
     while not isinstance(params, OrthographicCameras):
         params = params[0]
     return params
+
+
+def shading_fields(cam_from_world: Float, normals: Float, image_idx: Int, track_idx: Int) -> Float:
+    """What else shading may do than drag: fields (O, 2, 9) of the normal, of size 1.
+
+    A pull toward a detector on one side, (1, 0) and (0, 1) times n_c^2, and all fields linear or
+    quadratic in the normal that tell x from y or turn; what a rotation, a shift or the drag itself
+    explains is not among them.
+    """
+    n = np.einsum("oij,oj->oi", cam_from_world[image_idx], normals[track_idx])
+    x, y, z = n[:, 0], n[:, 1], np.maximum(-n[:, 2], 0.0)
+    o = np.zeros_like(x)
+    fields = [
+        (z * z, o),
+        (o, z * z),
+        (x * x - y * y, o),
+        (o, x * x - y * y),
+        (2 * x * y, o),
+        (o, 2 * x * y),
+        (z * x, -z * y),
+        (z * y, z * x),
+        (z * y, -z * x),
+    ]
+    return np.stack([np.stack(field, axis=1) for field in fields], axis=2)
 
 
 def drag_doubt_px(coefficient_px: float) -> float:

@@ -15,7 +15,15 @@ from semsfm_colmap.refinement.displaced import (
     displacing_model,
     undisplaced_params,
 )
-from semsfm_colmap.refinement.drag import drag_doubt_px
+from semsfm_colmap.refinement.drag import (
+    DRAG_SIGMA_PX,
+    SHADING_SIGMA_PX,
+    DragModel,
+    drag_doubt_px,
+    drag_field,
+    seen_normals,
+    shading_fields,
+)
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import (
     DRIFT_RUNG,
@@ -30,6 +38,7 @@ from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.uncertainty import (
     Uncertainty,
     clustered_modes,
+    field_modes,
     shared_mode,
     surface_patches,
     with_modes,
@@ -69,9 +78,18 @@ def uncertainty_of(
     cameras = noise.cameras
     patch = surface_patches(refined.points)
     modes = {"clustered": clustered_modes(model, state, obs, sigma_px, cameras, patch)}
-    if displacement.drag_prior_px > 0.0:
+    R = np.asarray(refined.cameras.cam_from_world)
+    if isinstance(model, DragModel):
         follow, _ = shared_mode(cameras, model.num_params - 1)
-        modes["shading"] = drag_doubt_px(displacement.drag_px) * follow[:, None]
+        modes["drag"] = drag_doubt_px(displacement.drag_px) * follow[:, None]
+        normals = model.normals
+    else:
+        # nothing was taken out: it is all there
+        normals = seen_normals(refined.points, refined.cameras, obs)
+        field = drag_field(R, normals, obs.image_idx, obs.track_idx)[:, :, None]
+        modes["drag"] = DRAG_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, field)
+    fields = shading_fields(R, normals, obs.image_idx, obs.track_idx)
+    modes["shading"] = SHADING_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, fields)
     return with_modes(noise, modes, model, state, obs, sigma_px)
 
 

@@ -35,7 +35,13 @@ import numpy as np
 
 from semsfm_colmap.geometry.alignment import align_rotations
 from semsfm_colmap.geometry.eliminated import CameraModel, Eliminated, precision_of
-from semsfm_colmap.geometry.points import add_observation, invert_symmetric, track_pointer
+from semsfm_colmap.geometry.points import (
+    add_observation,
+    invert_symmetric,
+    residuals,
+    solve_points,
+    track_pointer,
+)
 from semsfm_colmap.geometry.rotations import vector_from_rotation
 from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.refinement.covariance import CameraCovariance, Covariance
@@ -146,6 +152,37 @@ def stretch_mode(model: CameraModel[Any], cameras: OrthographicCameras, N: Float
     mode = np.zeros(len(N))
     mode[model.param_idx[:, :3]] = vector_from_rotation(R @ mean.T)
     return np.asarray(mode - N @ (N.T @ mode))
+
+
+def field_modes(
+    model: CameraModel[Any],
+    state: Eliminated[Any],
+    observations: Observations,
+    sigma_px: float,
+    cameras: CameraCovariance,
+    fields: Float,
+) -> Float:
+    """Modes (n, K): how the cameras move when the observations are displaced by fields (O, 2, K).
+
+    With the points that suit the displaced observations best, what is left of a field pulls the
+    cameras like any residual.
+    """
+    obs = observations
+    A, _ = model.cameras(state.params)
+    A = np.ascontiguousarray(A)
+    w = precision_of(sigma_px, obs)
+    J = model.jacobian(state.params, state.X, obs.image_idx, obs.track_idx)
+    pointer = track_pointer(obs.track_idx, obs.num_tracks)
+    nowhere = np.zeros((len(A), 2))
+    together = np.zeros(len(obs), dtype=np.int64)
+    pulls = []
+    for k in range(fields.shape[2]):
+        q = np.ascontiguousarray(fields[:, :, k])
+        X = np.nan_to_num(solve_points(A, nowhere, obs.image_idx, pointer, q, w))
+        left = residuals(A, nowhere, X, obs.image_idx, obs.track_idx, q)
+        pull = grouped_pull(J, left, w, model.param_idx, obs.image_idx, together)
+        pulls.append(-pull[:, 0])
+    return apply_covariance(cameras, np.stack(pulls, axis=1))
 
 
 @numba.njit(cache=True, parallel=True)
