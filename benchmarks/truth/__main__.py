@@ -55,8 +55,8 @@ def one(series: Series, folder: Path, *, again: bool, num_threads: int) -> dict[
 def table(rows: Sequence[tuple[Series, dict[str, Any]]]) -> str:
     """One line a series, one line a row of series, one for all."""
     lines = [
-        "| series | images | total deg | error deg | sigma deg | pull | median rotation deg | drag px "
-        "| rotations | points | distances |",
+        "| series | images | total deg | error deg | sigma deg | pull | median rotation deg "
+        "| drag px | rotations | points | distances |",
         "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for series, found in rows:

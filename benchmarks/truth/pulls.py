@@ -60,9 +60,7 @@ def measure(model_path: Path, truth_path: Path) -> dict[str, Any]:
         "parts_deg": said.get("total_rotation_sigma_parts_deg", {}),
         "drag": said.get("drag", {}),
         "total_pull": float(np.rad2deg(total_error)) / sigma,
-        "rotation_error_median_deg": float(
-            np.rad2deg(np.median(hands[k].rotation_error_rad))
-        ),
+        "rotation_error_median_deg": float(np.rad2deg(np.median(hands[k].rotation_error_rad))),
         "rotation_pulls": (error / model.sigma_rotation_rad).ravel().tolist(),
         **points,
     }
@@ -102,7 +100,7 @@ def point_pulls(model: Any, to_truth: Any, truth: Any) -> dict[str, Any]:
 
 
 def rms(pulls: list[float] | Float) -> float:
-    """Root mean square of pulls; those beyond ten count as ten, so that a stray one is no verdict."""
+    """Root mean square of pulls; one beyond ten counts as ten, so that a stray is no verdict."""
     clipped = np.clip(np.asarray(pulls, dtype=np.float64), -10.0, 10.0)
     return float(np.sqrt(np.mean(clipped**2))) if len(clipped) else float("nan")
 

@@ -68,26 +68,32 @@ TRAIN = (
 """The constants of `refinement.drag` and `refinement.uncertainty` were chosen on these."""
 
 _KINDS = ("usual", "strong", "albedo", "weak", "usual", "none", "strong", "usual", "weak", "usual")
+SHADINGS = (
+    *("usual", "strong", "albedo", "weak", "usual"),
+    *("none", "strong", "usual", "weak", "usual"),
+)
+"""Of the ten series of a row."""
+
+
+def ten(
+    row: str, scenes: tuple[str, ...], seed: int, shapes: tuple[tuple[int, int], ...]
+) -> tuple[Series, ...]:
+    """A row of ten: scenes and shapes (images, degrees) in turn."""
+    return tuple(
+        series(row, scenes[k % len(scenes)], seed + k, *shapes[k % len(shapes)], SHADINGS[k])
+        for k in range(10)
+    )
+
+
 TEST = (
-    *(
-        series("grain", "grain", 201 + k, (24, 30, 18, 40, 24)[k % 5], (115, 150, 80, 178, 100)[k % 5],
-               _KINDS[k])
-        for k in range(10)
+    *ten("grain", ("grain",), 201, ((24, 115), (30, 150), (18, 80), (40, 178), (24, 100))),
+    *ten(
+        "clump, turn",
+        ("clump", "grain"),
+        221,
+        ((24, 115), (48, 352), (16, 60), (60, 354), (36, 170)),
     ),
-    *(
-        series("clump and turn", ("clump", "grain")[k % 2], 221 + k, (24, 48, 16, 60, 36)[k % 5],
-               (115, 352, 60, 354, 170)[k % 5], _KINDS[k])
-        for k in range(10)
-    ),
-    *(
-        series("small", ("grain", "clump")[k % 2], 241 + k, (5, 8, 6, 12, 7)[k % 5],
-               (20, 40, 12, 60, 30)[k % 5], _KINDS[k])
-        for k in range(10)
-    ),
-    *(
-        series("field", "field", 261 + k, (13, 21, 5, 7, 9)[k % 5], (60, 80, 10, 20, 40)[k % 5],
-               _KINDS[k])
-        for k in range(10)
-    ),
-)  # fmt: skip
+    *ten("small", ("grain", "clump"), 241, ((5, 20), (8, 40), (6, 12), (12, 60), (7, 30))),
+    *ten("field", ("field",), 261, ((13, 60), (21, 80), (5, 10), (7, 20), (9, 40))),
+)
 """Four rows of ten that nothing was chosen on."""

@@ -34,6 +34,7 @@ RELIABILITY = (
     "total_rotation_deg",
     "total_rotation_sigma_deg",
     "total_rotation_sigma_parts_deg",
+    "relief_px",
     "depth_uncertainty",
     "best_model",
     "models",
@@ -45,6 +46,10 @@ RELIABILITY = (
 """Diagnostics that say how far to trust a model. `drift_px`: what was taken out of the observations
 of each image, displacement in x and y of the last row against the first; `drag`: what was taken
 out by the shading's coefficient (`refinement.drag`)."""
+
+
+NOTED_DRAG_PX = 0.1
+"""A drag below this is not worth a sentence."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,6 +145,10 @@ def finish(
     )
     if reverse:
         reconstruction = reversed_twin(reconstruction)
+    drag = displacement.drag_figures(reverse=reverse)
+    if displacement.drag_prior_px > 0.0:
+        figures["drag"] = drag
+        notes = [*notes, *drag_notes(drag)]
     twin = reversed_twin(reconstruction) if sign.status == "ambiguous" else None
     return MappedPart(
         reconstruction=reconstruction,
@@ -157,6 +166,18 @@ def finish(
             },
         },
     )
+
+
+def drag_notes(drag: dict[str, float]) -> list[str]:
+    """What to say of the drag taken out of a part."""
+    c, sigma = drag["coefficient_px"], drag["sigma_px"]
+    if abs(c) < max(NOTED_DRAG_PX, 2.0 * sigma):
+        return []
+    return [
+        f"shading drags features {'down' if c > 0 else 'up'} the slopes of the specimen, by up to "
+        f"{0.5 * abs(c):.2f} px (coefficient {c:.2f} +- {sigma:.2f} px); the observations are "
+        "given as they would be without (drag)"
+    ]
 
 
 def find_cues(

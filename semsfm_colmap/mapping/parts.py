@@ -27,8 +27,6 @@ from semsfm_colmap.types import Float, Int, Observations, Solution
 
 NOTED_DRIFT_PX = 0.1
 """Scan drift below this is not worth a sentence."""
-NOTED_DRAG_PX = 0.1
-"""A drag below this is not worth a sentence."""
 WEAK_GAP = 1.5
 """Fourth over third eigenvalue of the camera basis constraints: 1.05 for a chain whose slow bending
 noise hides, above 2 for all series that came out right."""
@@ -148,9 +146,8 @@ def map_observations(
                 figures = {
                     "guided": second.figures,
                     "drift_px": dict(zip(names, displacement.drift_px.tolist(), strict=True)),
-                    "drag": displacement.drag_figures,
                 }
-                drift_said = [*drift_notes(displacement.drift_px), *drag_notes(displacement)]
+                drift_said = drift_notes(displacement.drift_px)
         value, tilt_figures, tilt_notes = with_known_tilt(
             value, image_names, refinement, tilt, height_px, displacement
         )
@@ -195,18 +192,6 @@ def drift_notes(drift_px: Float) -> list[str]:
     return [
         "the specimen drifted while the frames were scanned, the last row against the first by up "
         f"to {largest:.2f} px; the observations are given as they would be without (drift_px)"
-    ]
-
-
-def drag_notes(displacement: Displacement) -> list[str]:
-    """What to say of the drag taken out of a part."""
-    drag, sigma = displacement.drag_px, displacement.drag_sigma_px
-    if abs(drag) < max(NOTED_DRAG_PX, 2.0 * sigma):
-        return []
-    return [
-        f"shading pulls features {'down' if drag > 0 else 'up'} the slopes, by up to "
-        f"{0.5 * abs(drag):.2f} px ({drag:.2f} +- {sigma:.2f} times n_c n_xy of the normal); the "
-        "observations are given as they would be without (drag)"
     ]
 
 

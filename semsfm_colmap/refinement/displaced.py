@@ -10,7 +10,14 @@ import numpy as np
 from semsfm_colmap.geometry.eliminated import CameraModel, Eliminated, SolverOptions, minimise
 from semsfm_colmap.refinement.bundle import BundleModel
 from semsfm_colmap.refinement.covariance import camera_covariance
-from semsfm_colmap.refinement.drag import DragModel, drag_field, seen_normals
+from semsfm_colmap.refinement.drag import (
+    DragModel,
+    doubt_px,
+    drag_field,
+    misfit_px,
+    seen_normals,
+)
+from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.scan_drift import ScanDriftModel, without_drift
 from semsfm_colmap.refinement.uncertainty import clustered_modes, shared_mode, surface_patches
@@ -31,14 +38,18 @@ class Displacement:
     """Its prior; 0 where none was sought"""
     drag_sigma_px: float = 0.0
     """Its standard deviation in full"""
+    drag_doubt_px: float = 0.0
+    """The part of it that neither noise nor what patches err in together explains"""
     drag_formal_px: float = 0.0
     """Its standard deviation if all observations erred independently"""
 
-    @property
-    def drag_figures(self) -> dict[str, float]:
-        """The coefficient with its standard deviations, for the diagnostics."""
+    def drag_figures(self, *, reverse: bool) -> dict[str, float]:
+        """The coefficient with its standard deviations, for the diagnostics.
+
+        Of the depth-reversed model the outward normals point the other way in the image.
+        """
         return {
-            "coefficient_px": self.drag_px,
+            "coefficient_px": -self.drag_px if reverse else self.drag_px,
             "sigma_px": self.drag_sigma_px,
             "formal_sigma_px": self.drag_formal_px,
         }
@@ -125,7 +136,9 @@ def find_displacement(
     patch = surface_patches(refined.points)
     clustered = clustered_modes(model, end, refined.observations, refined.sigma_px, cameras, patch)
     follow, formal = shared_mode(cameras, model.num_params - 1)
-    variance = formal**2 + float(clustered[-1] @ clustered[-1])
+    rotation = total_rotation(np.asarray(refined.cameras.cam_from_world))
+    misfit = misfit_px(float(np.rad2deg(rotation)))
+    variance = formal**2 + float(clustered[-1] @ clustered[-1]) + misfit**2
     trust = drag_sigma_px**2 / (drag_sigma_px**2 + variance)
     drag = trust * float(end.params[1])
     if drift_sigma_px > 0.0:
@@ -136,7 +149,8 @@ def find_displacement(
         drift_px=drift,
         drag_px=drag,
         drag_prior_px=drag_sigma_px,
-        drag_sigma_px=float(np.sqrt(trust * variance)),
+        drag_sigma_px=float(np.sqrt(trust * variance + doubt_px(drag) ** 2)),
+        drag_doubt_px=float(np.sqrt(trust * misfit**2 + doubt_px(drag) ** 2)),
         drag_formal_px=formal,
     )
 

@@ -19,7 +19,6 @@ from semsfm_colmap.refinement.drag import (
     DRAG_SIGMA_PX,
     SHADING_SIGMA_PX,
     DragModel,
-    drag_doubt_px,
     drag_field,
     seen_normals,
     shading_fields,
@@ -39,9 +38,11 @@ from semsfm_colmap.refinement.uncertainty import (
     Uncertainty,
     clustered_modes,
     field_modes,
+    relief_sigma,
     shared_mode,
     surface_patches,
     with_modes,
+    with_relief,
 )
 from semsfm_colmap.types import Float
 
@@ -81,7 +82,7 @@ def uncertainty_of(
     R = np.asarray(refined.cameras.cam_from_world)
     if isinstance(model, DragModel):
         follow, _ = shared_mode(cameras, model.num_params - 1)
-        modes["drag"] = drag_doubt_px(displacement.drag_px) * follow[:, None]
+        modes["drag"] = displacement.drag_doubt_px * follow[:, None]
         normals = model.normals
     else:
         # nothing was taken out: it is all there
@@ -90,7 +91,8 @@ def uncertainty_of(
         modes["drag"] = DRAG_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, field)
     fields = shading_fields(R, normals, obs.image_idx, obs.track_idx)
     modes["shading"] = SHADING_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, fields)
-    return with_modes(noise, modes, model, state, obs, sigma_px)
+    found = with_modes(noise, modes, model, state, obs, sigma_px)
+    return with_relief(found, normals, relief_sigma(refined.points))
 
 
 def displaced_state(
@@ -171,6 +173,7 @@ def reliability(
         "total_rotation_deg": range_deg,
         "total_rotation_sigma_deg": sigma_deg,
         "total_rotation_sigma_parts_deg": parts_deg,
+        "relief_px": 0.0 if uncertainty is None else uncertainty.relief_px,
         "models": [asdict(rung) for rung in comparison.rungs],
         "best_model": comparison.best,
         "depth_uncertainty": comparison.depth_uncertainty,

@@ -18,10 +18,13 @@ else). If errors are correlated within patches but not between them, the sums ov
 independent samples, and as modes add up to the cluster-robust (sandwich) covariance [Liang and
 Zeger 1986; K / (K - 1) for the mean that the fit has taken off].
 
-*shading*: what the drag (`drag`) does not know: its coefficient is a law for an average specimen.
-The mode of a shared parameter is the movement of all others with it, ``C e_c / C_cc``.
+*drag*: what is left of the drag (`drag`), whose coefficient is a law for an average specimen. The
+mode of a shared parameter is the movement of all others with it, ``C e_c / C_cc``.
 
-*floor*: all angles too large by the same share; see `FLOOR_SHARE`.
+*shading*: other fields by which shading may displace observations q(n); their modes are the
+response of the adjustment to them, ``-C J^T w (q - A X_q)`` with X_q the points that suit q best.
+
+Points have one more part of their own, *relief*, along their normals (`relief_sigma`).
 """
 
 from __future__ import annotations
@@ -33,8 +36,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from semsfm_colmap.geometry.alignment import align_rotations
 from semsfm_colmap.geometry.eliminated import CameraModel, Eliminated, precision_of
+from semsfm_colmap.geometry.normals import nearest_neighbors
 from semsfm_colmap.geometry.points import (
     add_observation,
     invert_symmetric,
@@ -42,18 +45,17 @@ from semsfm_colmap.geometry.points import (
     solve_points,
     track_pointer,
 )
-from semsfm_colmap.geometry.rotations import vector_from_rotation
 from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.refinement.covariance import CameraCovariance, Covariance
-from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
+from semsfm_colmap.types import Float, Int, Observations
 
 NUM_PATCHES = 100
 """Patches of the surface: small enough to be many, large against what neighbours share."""
 MIN_PATCH_POINTS = 8
 """Points that a patch holds at least, on the average."""
-FLOOR_SHARE = 0.0012
-"""Standard deviation of what remains in all angles without any shading: renders of nothing but
-albedo come out 0.1 to 0.18 % too small."""
+RELIEF_PX = 1.0
+"""Standard deviation of a point along its normal on a smooth surface: where in the relief under its
+window it lies."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,6 +68,8 @@ class Uncertainty:
     """Standard deviations and points with everything in them; `cameras` is the formal part"""
     modes: Mapping[str, Float]
     """For each name vectors (n, k) of the camera parameters, each a standard deviation"""
+    relief_px: float = 0.0
+    """Of each point by itself, along its normal"""
 
     def parts(self, direction: Float) -> dict[str, float]:
         """Standard deviation of a combination (n,) of the camera parameters, by cause."""
@@ -137,21 +141,6 @@ def shared_mode(cameras: CameraCovariance, index: int) -> tuple[Float, float]:
     e[index] = 1.0
     column = apply_covariance(cameras, e)
     return column / column[index], float(np.sqrt(column[index]))
-
-
-def stretch_mode(model: CameraModel[Any], cameras: OrthographicCameras, N: Float) -> Float:
-    """All angles larger by one: the rotation vectors (n,) of the images against the mean one.
-
-    Parameters
-    ----------
-    N : (n, 6) orthonormal gauge, which is taken out
-
-    """
-    R = np.asarray(cameras.cam_from_world)
-    mean = align_rotations(R, np.broadcast_to(np.eye(3), R.shape).copy()).T
-    mode = np.zeros(len(N))
-    mode[model.param_idx[:, :3]] = vector_from_rotation(R @ mean.T)
-    return np.asarray(mode - N @ (N.T @ mode))
 
 
 def field_modes(
@@ -259,3 +248,27 @@ def with_modes(
         points=noise.points + moved @ moved.transpose(0, 2, 1),
     )
     return Uncertainty(noise=noise, total=total, modes=modes)
+
+
+def relief_sigma(points: Float, num_neighbors: int = 8) -> float:
+    """Standard deviation of a point along its normal that no residual tells of, px.
+
+    A patch has no single depth: where its point lies within the relief under the window is a matter
+    of what the window happens to show. Against the true surface, points of rendered series lie off
+    by RELIEF_PX, and by as much more as they scatter about planes through their neighbours.
+    """
+    if len(points) <= num_neighbors + 3:
+        return RELIEF_PX
+    _, idx = nearest_neighbors(points, num_neighbors)
+    around = points[np.column_stack([np.arange(len(points)), idx])]
+    around = around - around.mean(axis=1, keepdims=True)
+    square = np.linalg.eigvalsh(np.einsum("nki,nkj->nij", around, around))[:, 0]
+    scatter = float(np.median(np.sqrt(np.maximum(square, 0.0) / (num_neighbors - 2))))
+    return float(np.hypot(RELIEF_PX, scatter))
+
+
+def with_relief(uncertainty: Uncertainty, normals: Float, sigma_px: float) -> Uncertainty:
+    """The points' covariances with what they err in along their normals (N, 3), each by itself."""
+    own = sigma_px**2 * np.einsum("ni,nj->nij", normals, normals)
+    total = replace(uncertainty.total, points=uncertainty.total.points + own)
+    return replace(uncertainty, total=total, relief_px=sigma_px)
