@@ -163,11 +163,29 @@ class ScanDriftFigures:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DragFigures:
+    """How far shading drags features down the slopes."""
+
+    coefficient_px: float
+    sigma_px: float
+    """in full"""
+    formal_sigma_px: float
+    """if all observations erred independently"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Reliability:
     """How far to trust a model as a whole; in orthographic.json, metrics.json and run.json."""
 
     total_rotation_deg: float
     total_rotation_sigma_deg: float
+    """with everything in it"""
+    total_rotation_sigma_parts_deg: Mapping[str, float] | None = None
+    """by cause: noise, clustered, drag, shading; None where no error bars can be given"""
+    relief_px: float | None = None
+    """Standard deviation of each point by itself along its normal, in the points' covariances."""
+    drag: DragFigures | None = None
+    """What was taken out of the observations for the shading, see docs/truth.md."""
     depth_uncertainty: float
     """relative spread of the total rotation over the camera models that fit"""
     best_model: str

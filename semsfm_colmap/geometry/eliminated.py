@@ -12,7 +12,7 @@ parameters)^2; the damping acts on the cameras only, never on the points.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from scipy import sparse
@@ -67,6 +67,15 @@ class CameraModel(Protocol[P]):
         ...
 
 
+@runtime_checkable
+class Displacing(Protocol):
+    """A camera model that shows some observations beside the place of an affine camera."""
+
+    def displacement(self, params: Any, image_idx: Int, track_idx: Int) -> Float:
+        """(O, 2) px, added to ``A X + t``."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class SolverOptions:
     """Levenberg-Marquardt settings."""
@@ -117,12 +126,15 @@ def evaluate(
     """Cameras -> optimal points, residuals, robust weights and cost."""
     obs = observations
     A, t = model.cameras(params)
+    xy = obs.xy
+    if isinstance(model, Displacing):
+        xy = xy - model.displacement(params, obs.image_idx, obs.track_idx)
     X, r, w, cost = fit_points(
         np.ascontiguousarray(A),
         np.ascontiguousarray(t),
         obs.image_idx,
         pointer,
-        obs.xy,
+        xy,
         precision_of(sigma_px, obs),
         start_weight,
         loss=options.loss,

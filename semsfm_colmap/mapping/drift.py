@@ -1,8 +1,9 @@
-"""Scan drift: estimated with the cameras, then taken out of the observations.
+"""Scan drift and drag: estimated with the cameras, then taken out of the observations.
 
-While a frame is scanned the specimen creeps; the drift within the frames is estimated with the
-cameras (`refinement.scan_drift`) and subtracted from the observations, to which the cameras are
-adjusted as usual: what is written agrees with itself, for programs too that know of no drift.
+While a frame is scanned the specimen creeps, and shading pulls features down its slopes. Both are
+estimated with the cameras (`refinement.displaced`) and subtracted from the observations, to which
+the cameras are adjusted as usual: what is written agrees with itself, for programs too that know of
+neither.
 """
 
 from __future__ import annotations
@@ -12,24 +13,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semsfm_colmap.mapping.context import SeriesContext
+from semsfm_colmap.records import DragFigures
 from semsfm_colmap.refinement.adjustment import BundleSettings, last_solver
+from semsfm_colmap.refinement.displaced import (
+    Displacement,
+    find_displacement,
+    without_displacement,
+)
 from semsfm_colmap.refinement.refine import Refined, refine
-from semsfm_colmap.refinement.scan_drift import adjust_with_drift, without_drift
 from semsfm_colmap.types import Float, Observations
 
 NOTED_DRIFT_PX = 0.1
 """Scan drift below this is not worth a sentence."""
+NOTED_DRAG_PX = 0.1
+"""A drag below this is not worth a sentence."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LastAdjustment:
-    """A model of observations without drift."""
+    """A model of observations without drift and drag."""
 
     refined: Refined
     observations: Observations
     """of the whole series' images"""
-    drift_px: Float
-    """(num_images, 2) what was taken out, from the first row to the last"""
+    displacement: Displacement
+    """what was taken out of them, of the images that are registered"""
 
 
 def adjust_last(
@@ -39,13 +47,19 @@ def adjust_last(
     *,
     rng: np.random.Generator,
 ) -> LastAdjustment | None:
-    """Adjust the observations as they would be in frames that were scanned at once.
+    """Adjust the observations as they would be in frames scanned at once, and without shading.
 
     None where that leaves fewer images.
     """
-    drift_px = estimate_drift(context, value)
-    still = take_out_drift(context, observations, drift_px)
     options = context.refinement
+    found = find_displacement(
+        value,
+        context.height_px[value.images],
+        BundleSettings.of(options, value.sigma_px, last_solver(options)),
+    )
+    still = observations
+    if found.drift_sigma_px > 0.0 or found.drag_px != 0.0:
+        still = without_displacement(observations, found, value, context.height_px)
     last = refine(
         value.cameras,
         value.images,
@@ -56,40 +70,10 @@ def adjust_last(
     ).value
     if last is None or len(last.images) < len(value.images):
         return None
-    return LastAdjustment(refined=last, observations=still, drift_px=drift_px)
-
-
-def estimate_drift(context: SeriesContext, value: Refined) -> Float:
-    """(M, 2) displacement of the last row against the first, of all images of the series, px.
-
-    Zero where the options ask for none, and in images that are not registered.
-    """
-    options = context.refinement
-    drift = np.zeros((len(context.image_names), 2))
-    if options.drift_sigma_px > 0.0:
-        # to the last digit: what is left of it would stay in the observations
-        solver = replace(last_solver(options), absolute_tolerance=0.0)
-        found = adjust_with_drift(
-            value.cameras,
-            value.observations,
-            context.height_px[value.images],
-            BundleSettings.of(options, value.sigma_px, solver),
-        )
-        assert found.value is not None
-        drift[value.images] = found.value.state.params[1]
-    return drift
-
-
-def take_out_drift(
-    context: SeriesContext, observations: Observations, drift_px: Float
-) -> Observations:
-    """The observations as they would be in frames that were scanned at once."""
-    if context.refinement.drift_sigma_px <= 0.0:
-        return observations
-    i = observations.image_idx
-    xy = without_drift(observations.xy, drift_px[i], context.height_px[i])
-    # as a COLMAP database will hold them
-    return replace(observations, xy=xy.astype(np.float32).astype(np.float64))
+    drift = np.zeros((observations.num_images, 2))
+    drift[value.images] = found.drift_px
+    found = replace(found, drift_px=drift[last.images])
+    return LastAdjustment(refined=last, observations=still, displacement=found)
 
 
 def drift_notes(drift_px: Float) -> list[str]:
@@ -100,4 +84,16 @@ def drift_notes(drift_px: Float) -> list[str]:
     return [
         "the specimen drifted while the frames were scanned, the last row against the first by up "
         f"to {largest:.2f} px; the observations are given as they would be without (drift_px)"
+    ]
+
+
+def drag_notes(drag: DragFigures | None) -> list[str]:
+    """What to say of the drag taken out of a part."""
+    if drag is None or abs(drag.coefficient_px) < max(NOTED_DRAG_PX, 2.0 * drag.sigma_px):
+        return []
+    c, sigma = drag.coefficient_px, drag.sigma_px
+    return [
+        f"shading drags features {'down' if c > 0 else 'up'} the slopes of the specimen, by up to "
+        f"{0.5 * abs(c):.2f} px (coefficient {c:.2f} +- {sigma:.2f} px); the observations are "
+        "given as they would be without (drag)"
     ]

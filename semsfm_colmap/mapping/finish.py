@@ -10,6 +10,7 @@ import numpy as np
 from semsfm_colmap.geometry.rotations import MIRROR_Z, depth_reversed
 from semsfm_colmap.geometry.subset import take_exactly
 from semsfm_colmap.mapping.context import SeriesContext
+from semsfm_colmap.mapping.drift import drag_notes
 from semsfm_colmap.mapping.guided import Guided
 from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import CueFigures, Diagnostics, PartFigures, StartFigures, TiltAgreement
@@ -23,8 +24,9 @@ from semsfm_colmap.refinement.depth_reversal import (
     reverse_depth,
     visibility_cues,
 )
+from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.refine import Refined
-from semsfm_colmap.refinement.trust import covariance_of, reliability
+from semsfm_colmap.refinement.trust import reliability, uncertainty_of
 from semsfm_colmap.types import DepthSign, Float, Observations, OrthographicCameras, Reconstruction
 
 GAUGE = (
@@ -65,8 +67,8 @@ class Settled:
     start: StartFigures
     guided: Guided | None
     tilt: TiltAgreement | None
-    drift_sigma_px: float
-    """prior of the scan drift where it was taken out of the observations, else 0"""
+    displacement: Displacement
+    """what was taken out of the observations"""
     notes: tuple[str, ...]
 
 
@@ -79,10 +81,11 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
     refined = part.refined
     names = context.names_of(refined.images)
     height_px = context.height_px[refined.images]
-    covariance = covariance_of(refined, height_px, part.drift_sigma_px)
+    uncertainty = uncertainty_of(refined, height_px, part.displacement)
+    covariance = None if uncertainty is None else uncertainty.total
     trust, notes = reliability(
         refined,
-        covariance,
+        uncertainty,
         context.refinement,
         height_px,
         names,
@@ -94,14 +97,13 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
     reconstruction = to_world(context, part, covariance, sign)
     if reverse:
         reconstruction = reversed_twin(reconstruction)
-    guided = part.guided
+    guided, drag = part.guided, part.displacement.drag_figures(reverse=reverse)
     if guided is not None:
-        drift = guided.drift_px[refined.images]
+        drift = part.displacement.drift_px.tolist()
         trust = replace(
             trust,
-            drift_px={
-                name: (float(a), float(b)) for name, (a, b) in zip(names, drift, strict=True)
-            },
+            drift_px={name: (a, b) for name, (a, b) in zip(names, drift, strict=True)},
+            drag=drag,
         )
     return MappedPart(
         reconstruction=reconstruction,
@@ -116,7 +118,7 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
                 guided=None if guided is None else guided.figures,
                 tilt=part.tilt,
             ),
-            notes=(*part.notes, *notes),
+            notes=(*part.notes, *notes, *drag_notes(drag)),
         ),
     )
 

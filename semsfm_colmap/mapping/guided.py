@@ -14,9 +14,10 @@ from semsfm_colmap.mapping.drift import adjust_last
 from semsfm_colmap.matching.guided.grow import Grown, grow_tracks
 from semsfm_colmap.matching.guided.noise import fit_relative_sigma
 from semsfm_colmap.records import GuidedFigures
+from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.noise import expected_share
 from semsfm_colmap.refinement.refine import Refined, refine
-from semsfm_colmap.types import Float, Observations
+from semsfm_colmap.types import Observations
 
 SETTLED_GROWTH = 1.2
 """A pass that multiplies the observations by more calls for another."""
@@ -31,8 +32,8 @@ class Guided:
     refined: Refined
     observations: Observations
     """of the whole series' images; `keypoint_idx` counts from 0 within each image"""
-    drift_px: Float
-    """(num_images, 2) what was taken out of the observations, from the first row to the last"""
+    displacement: Displacement
+    """what was taken out of the observations"""
     figures: GuidedFigures
 
 
@@ -74,7 +75,7 @@ def refine_guided(
     return Guided(
         refined=last,
         observations=end.observations,
-        drift_px=end.drift_px,
+        displacement=end.displacement,
         figures=GuidedFigures(
             num_passes=settled.num_passes,
             high_pass_px=grown.high_pass_px,
@@ -86,7 +87,7 @@ def refine_guided(
             mean_track_length=len(last.observations) / max(len(last.tracks), 1),
             sigma_before_px=first.sigma_px,
             sigma_px=last.sigma_px,
-            largest_drift_px=float(np.abs(end.drift_px).max()),
+            largest_drift_px=float(np.abs(end.displacement.drift_px).max(initial=0.0)),
         ),
     )
 

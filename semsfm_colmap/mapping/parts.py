@@ -22,6 +22,7 @@ from semsfm_colmap.mapping.tilt import with_known_tilt
 from semsfm_colmap.motion.prior import TiltPrior, known_tilts
 from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 from semsfm_colmap.records import FilteringRound
+from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, refine
 from semsfm_colmap.tracks.diagnosis import diagnose_tracks
@@ -138,15 +139,16 @@ def map_part(
         )
     first = begun.value
     guided = guide_part(context, first, rng)
-    value, drift_sigma_px = first.refined, 0.0
+    value = first.refined if guided is None else guided.refined
+    displacement = Displacement.none(len(value.images))
     if guided is not None:
-        value, drift_sigma_px = guided.refined, context.refinement.drift_sigma_px
-    value, agreement, notes = with_known_tilt(context, value, drift_sigma_px)
+        displacement = guided.displacement
+    value, agreement, notes = with_known_tilt(context, value, displacement)
     gap = first.start.figures.eigenvalue_gap
     if gap is not None and gap < WEAK_GAP:
         notes = [WEAK_NOTE, *notes]
     if guided is not None:
-        notes = [*notes, *drift_notes(guided.drift_px)]
+        notes = [*notes, *drift_notes(displacement.drift_px)]
     mapped = finish(
         context,
         Settled(
@@ -156,7 +158,7 @@ def map_part(
             start=first.start.figures,
             guided=guided,
             tilt=agreement,
-            drift_sigma_px=drift_sigma_px,
+            displacement=displacement,
             notes=tuple(notes),
         ),
     )

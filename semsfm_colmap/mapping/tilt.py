@@ -12,17 +12,23 @@ from semsfm_colmap.motion.check import check_tilt
 from semsfm_colmap.motion.combine import combine_tilt
 from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import TiltAgreement
+from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.known_angles import angle_prior
 from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.refine import Refined, adjust_with_angles
-from semsfm_colmap.refinement.trust import covariance_of, total_rotation_sigma
+from semsfm_colmap.refinement.trust import (
+    covariance_of,
+    noise_of_total_rotation,
+    total_rotation_sigma,
+    uncertainty_of,
+)
 
 TIGHT = 0.1
 """Standard deviation of angles that are to hold, in formal errors of the images."""
 
 
 def with_known_tilt(
-    context: SeriesContext, refined: Refined, drift_sigma_px: float
+    context: SeriesContext, refined: Refined, displacement: Displacement
 ) -> tuple[Refined, TiltAgreement | None, list[str]]:
     """Adjust with the known tilt when the images agree with it; else say so and leave it out.
 
@@ -44,19 +50,18 @@ def with_known_tilt(
         tolerance=None if np.isnan(check.tolerance) else check.tolerance,
     )
     known = angle_prior(*known_tilts(tilt, names))
-    covariance = covariance_of(refined, height_px, drift_sigma_px)
-    if not check.consistent or known is None or covariance is None or np.isnan(check.factor):
+    uncertainty = uncertainty_of(refined, height_px, displacement)
+    if not check.consistent or known is None or uncertainty is None or np.isnan(check.factor):
         return refined, agreement, [check.message]
-    combined = combine_tilt(check, total_rotation(R), total_rotation_sigma(refined, covariance))
-    # the adjustment knows of no drift: what holds against it is measured by its own error bars
-    own = covariance
-    if drift_sigma_px > 0.0:
-        own = covariance_of(refined, height_px, 0.0) or covariance
+    combined = combine_tilt(check, total_rotation(R), total_rotation_sigma(refined, uncertainty))
+    # the adjustment knows of no drift and no drag: what holds against it is measured by the noise
+    own = covariance_of(refined, height_px, Displacement.none(len(height_px)))
+    tight = uncertainty.noise if own is None else own
     a, b = known.pairs.T
     angles = replace(
         known,
         angle_rad=combined.stretch * rotation_angle(R[a] @ R[b].transpose(0, 2, 1)),
-        sigma_rad=np.full(len(a), TIGHT * total_rotation_sigma(refined, own)),
+        sigma_rad=np.full(len(a), TIGHT * noise_of_total_rotation(refined, tight)),
     )
     adjusted = adjust_with_angles(refined, angles, context.refinement)
     agreement = replace(

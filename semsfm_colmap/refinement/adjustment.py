@@ -40,6 +40,8 @@ class BundleSettings:
     """standard deviation of aspect - 1 and skew, with the affine model"""
     drift_sigma_px: float = 0.0
     """standard deviation of the scan drift over the height of a frame; 0: none is sought"""
+    drag_sigma_px: float = 0.0
+    """standard deviation of the drag's coefficient; 0: none is sought"""
     sigma_px: float = 0.3
     """measurement noise per coordinate; balances the data against the priors"""
     solver: SolverOptions = field(default_factory=SolverOptions)
@@ -54,6 +56,7 @@ class BundleSettings:
             scale_sigma=options.scale_sigma,
             affine_sigma=options.affine_sigma,
             drift_sigma_px=options.drift_sigma_px,
+            drag_sigma_px=options.drag_sigma_px,
             sigma_px=sigma_px,
             solver=solver,
         )

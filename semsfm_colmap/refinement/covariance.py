@@ -146,6 +146,44 @@ def information_weight(state: Eliminated[Any], precision: Float) -> Float:
     return np.asarray(constants.efficiency * np.minimum(trust, 1.0))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Solved:
+    """The reduced system with the world held, and its factor."""
+
+    cameras: CameraCovariance
+    system: ReducedSystem
+    weight: Float
+    """(O,) of the information, over the variance"""
+
+
+def _solve(
+    model: PoseModel[Any], state: Eliminated[Any], observations: Observations, sigma_px: float
+) -> _Solved | None:
+    pointer = track_pointer(observations.track_idx, observations.num_tracks)
+    precision = precision_of(sigma_px, observations)
+    w = information_weight(state, precision)
+    system = ReducedSystem.of(model, state.params, observations, pointer)
+    S, _ = linearise(model, replace(state, weight=w), observations, pointer, sigma_px, system)
+    cameras = model.poses(state.params)
+    N = gauge_directions(model, cameras)
+    hold_world(S, N, np.asarray(cameras.viewing_direction), system.pairs, model.param_idx)
+    try:
+        factor = S.factorise()
+    except LinAlgError:
+        return None
+    return _Solved(
+        cameras=CameraCovariance(factor=factor, gauge=N), system=system, weight=w * precision
+    )
+
+
+def camera_covariance(
+    model: PoseModel[Any], state: Eliminated[Any], observations: Observations, sigma_px: float
+) -> CameraCovariance | None:
+    """The cameras' part of `estimate_covariance` alone; None where something is not determined."""
+    solved = _solve(model, state, observations, sigma_px)
+    return None if solved is None else solved.cameras
+
+
 def estimate_covariance(
     model: PoseModel[Any],
     state: Eliminated[Any],
@@ -158,26 +196,16 @@ def estimate_covariance(
     point is counted once an observation, which is exact.
     """
     pointer = track_pointer(observations.track_idx, observations.num_tracks)
-    precision = precision_of(sigma_px, observations)
-    w = information_weight(state, precision)
-    system = ReducedSystem.of(model, state.params, observations, pointer)
-    S, _ = linearise(model, replace(state, weight=w), observations, pointer, sigma_px, system)
-    w = w * precision
-    cameras = model.poses(state.params)
-    N = gauge_directions(model, cameras)
-    pairs, param_idx = system.pairs, model.param_idx
-    hold_world(S, N, np.asarray(cameras.viewing_direction), pairs, param_idx)
-    try:
-        factor = S.factorise()
-    except LinAlgError:
+    solved = _solve(model, state, observations, sigma_px)
+    if solved is None:
         return Solution(
             value=None,
             status="rank_deficient",
             message="some parameters are not determined by the data and priors; "
             "no error bars can be given",
         )
-    C = CameraCovariance(factor=factor, gauge=N)
-    blocks = C.blocks(pairs, param_idx)
+    C, pairs, w = solved.cameras, solved.system.pairs, solved.weight
+    blocks = C.blocks(pairs, model.param_idx)
     A = np.ascontiguousarray(model.cameras(state.params)[0])
     points = np.full((observations.num_tracks, 3, 3), np.nan)
     image_idx, track_idx = observations.image_idx, observations.track_idx

@@ -41,6 +41,10 @@ class RefinementOptions:
     """Prior of the scan drift, the displacement of the last row of a frame against the first:
     standard deviation, px. After a guided pass the drift is estimated and taken out of the
     observations; 0: neither is done."""
+    drag_sigma_px: float = 1.0
+    """Prior of the drag, by which shading pulls features down the slopes: standard deviation of its
+    coefficient, px. After a guided pass it is estimated and taken out of the observations; 0:
+    neither is done."""
     loss: Literal["squared", "huber", "cauchy"] = "cauchy"
     """Loss of the bundle adjustments while wrong observations are still being filtered."""
     last_loss: Literal["squared", "huber", "cauchy"] = "squared"

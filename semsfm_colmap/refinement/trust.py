@@ -12,8 +12,21 @@ from semsfm_colmap.geometry.eliminated import Eliminated
 from semsfm_colmap.geometry.rotations import vector_from_rotation
 from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 from semsfm_colmap.records import LeftOut, Reliability, ScanDriftFigures
-from semsfm_colmap.refinement.adjustment import BundleSettings, comparing_solver
+from semsfm_colmap.refinement.adjustment import BundleSettings, PoseModel, comparing_solver
 from semsfm_colmap.refinement.covariance import Covariance, estimate_covariance
+from semsfm_colmap.refinement.displaced import (
+    Displacement,
+    displacing_model,
+    undisplaced_params,
+)
+from semsfm_colmap.refinement.drag import (
+    DRAG_SIGMA_PX,
+    SHADING_SIGMA_PX,
+    DragModel,
+    drag_field,
+    seen_normals,
+    shading_fields,
+)
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import (
     DRIFT_RUNG,
@@ -26,37 +39,85 @@ from semsfm_colmap.refinement.model_choice import (
 )
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined
-from semsfm_colmap.refinement.scan_drift import ScanDriftModel
+from semsfm_colmap.refinement.uncertainty import (
+    Uncertainty,
+    clustered_modes,
+    field_modes,
+    relief_sigma,
+    shared_mode,
+    surface_patches,
+    with_modes,
+    with_relief,
+)
 from semsfm_colmap.types import Float
 
 MIN_UNCERTAINTY = 0.01
 """A spread of the camera models below one percent is not worth a sentence."""
 
 
-def covariance_of(refined: Refined, height_px: Float, drift_sigma_px: float) -> Covariance | None:
-    """Error bars of a refined model.
+def covariance_of(
+    refined: Refined, height_px: Float, displacement: Displacement
+) -> Covariance | None:
+    """Formal error bars of a refined model: what independent noise does.
 
-    Where scan drift was taken out of the observations it is not known any better than it was
-    estimated: the error bars are those of the model that has it, at no drift.
+    What was taken out of the observations is not known any better than it was estimated: the error
+    bars are those of the model that has it, at no drift and no drag.
 
     Parameters
     ----------
     height_px : (M,) heights of the images registered
-    drift_sigma_px : prior of the drift; 0 where none was sought
 
     """
-    found, obs, sigma_px = refined.adjustment, refined.observations, refined.sigma_px
-    if drift_sigma_px <= 0.0:
-        return estimate_covariance(found.model, found.state, obs, sigma_px).value
-    model = ScanDriftModel.build(found.model, drift_sigma_px, height_px)
-    state: Eliminated[Any] = found.state
-    state = replace(state, params=(found.state.params, np.zeros((len(height_px), 2))))
-    return estimate_covariance(model, state, obs, sigma_px).value
+    model, state = displaced_state(refined, height_px, displacement)
+    return estimate_covariance(model, state, refined.observations, refined.sigma_px).value
+
+
+def uncertainty_of(
+    refined: Refined, height_px: Float, displacement: Displacement
+) -> Uncertainty | None:
+    """Error bars of a refined model in full, in parts; None where something is not determined."""
+    model, state = displaced_state(refined, height_px, displacement)
+    obs, sigma_px = refined.observations, refined.sigma_px
+    noise = estimate_covariance(model, state, obs, sigma_px).value
+    if noise is None:
+        return None
+    cameras = noise.cameras
+    patch = surface_patches(refined.points)
+    modes = {"clustered": clustered_modes(model, state, obs, sigma_px, cameras, patch)}
+    R = np.asarray(refined.cameras.cam_from_world)
+    if isinstance(model, DragModel):
+        follow, _ = shared_mode(cameras, model.num_params - 1)
+        modes["drag"] = displacement.drag_doubt_px * follow[:, None]
+        normals = model.normals
+    else:
+        # nothing was taken out: it is all there
+        normals = seen_normals(refined.points, refined.cameras, obs)
+        field = drag_field(R, normals, obs.image_idx, obs.track_idx)[:, :, None]
+        modes["drag"] = DRAG_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, field)
+    fields = shading_fields(R, normals, obs.image_idx, obs.track_idx)
+    modes["shading"] = SHADING_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, fields)
+    found = with_modes(noise, modes, model, state, obs, sigma_px)
+    return with_relief(found, normals, relief_sigma(refined.points))
+
+
+def displaced_state(
+    refined: Refined, height_px: Float, displacement: Displacement
+) -> tuple[PoseModel[Any], Eliminated[Any]]:
+    """The model that has what was taken out of the observations, at nothing left of it."""
+    model = displacing_model(
+        refined.adjustment.model,
+        height_px,
+        refined,
+        drift_sigma_px=displacement.drift_sigma_px,
+        drag_sigma_px=displacement.drag_prior_px,
+    )
+    state: Eliminated[Any] = refined.adjustment.state
+    return model, replace(state, params=undisplaced_params(model, refined.adjustment.state.params))
 
 
 def reliability(
     refined: Refined,
-    covariance: Covariance | None,
+    uncertainty: Uncertainty | None,
     options: RefinementOptions,
     height_px: Float,
     names: Sequence[str],
@@ -71,10 +132,12 @@ def reliability(
 
     """
     settings = BundleSettings.of(options, refined.sigma_px, comparing_solver(options))
-    sigma_deg = 0.0
+    sigma_deg, parts_deg = 0.0, None
     range_deg = float(np.rad2deg(total_rotation(np.asarray(refined.cameras.cam_from_world))))
-    if covariance is not None:
-        sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, covariance)))
+    if uncertainty is not None:
+        sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, uncertainty)))
+        parts = total_rotation_parts(refined, uncertainty)
+        parts_deg = {name: float(np.rad2deg(part)) for name, part in parts.items()}
     comparison = compare_models(
         refined.cameras,
         refined.observations,
@@ -89,6 +152,8 @@ def reliability(
     figures = Reliability(
         total_rotation_deg=range_deg,
         total_rotation_sigma_deg=sigma_deg,
+        total_rotation_sigma_parts_deg=parts_deg,
+        relief_px=None if uncertainty is None else uncertainty.relief_px,
         depth_uncertainty=comparison.depth_uncertainty,
         best_model=comparison.best,
         models=comparison.rungs,
@@ -132,8 +197,8 @@ def reliability_notes(
     return notes
 
 
-def total_rotation_sigma(refined: Refined, covariance: Covariance) -> float:
-    """Standard deviation of the angle between the two images furthest apart, in rad.
+def total_rotation_direction(refined: Refined, num_params: int) -> Float:
+    """Derivative (n,) of the angle between the two images furthest apart.
 
     With ``R_ab = R_a R_b^T`` about the axis n a step (w_a, w_b) changes the angle by
     ``n . (w_a - w_b)``.
@@ -142,8 +207,26 @@ def total_rotation_sigma(refined: Refined, covariance: Covariance) -> float:
     a, b = widest_pair(R)
     n = vector_from_rotation(R[b] @ R[a].T)
     n = np.asarray(n / max(float(np.linalg.norm(n)), 1e-300))
+    g = np.zeros(num_params)
     idx = refined.adjustment.model.param_idx
-    g = np.zeros(len(covariance.cameras.gauge))
     g[idx[b, :3]] += n
     g[idx[a, :3]] -= n
+    return g
+
+
+def noise_of_total_rotation(refined: Refined, covariance: Covariance) -> float:
+    """Formal standard deviation of the angle between the two images furthest apart, in rad."""
+    g = total_rotation_direction(refined, len(covariance.cameras.gauge))
     return float(np.sqrt(covariance.cameras.variance(g)))
+
+
+def total_rotation_parts(refined: Refined, uncertainty: Uncertainty) -> dict[str, float]:
+    """Standard deviation of the angle between the two images furthest apart by cause, in rad."""
+    g = total_rotation_direction(refined, len(uncertainty.noise.cameras.gauge))
+    return uncertainty.parts(g)
+
+
+def total_rotation_sigma(refined: Refined, uncertainty: Uncertainty) -> float:
+    """Standard deviation of the angle between the two images furthest apart in full, in rad."""
+    parts = total_rotation_parts(refined, uncertainty)
+    return float(np.sqrt(sum(part**2 for part in parts.values())))

@@ -1,0 +1,183 @@
+"""Drag: features that shading pulls along the slopes, as a part of the camera model.
+
+A scanning electron microscope shows slopes brighter, so that on a specimen that turns the pattern
+that is matched is not quite fixed to the surface: between a frontal and an inclined view it slides
+downhill. With n the outward unit normal of a point in the camera's frame and ``n_c = -n_z`` the
+cosine to the viewer, an observation is seen at
+
+    xy = q + c f,    f = n_c (n_x, n_y),    q = s K2 (R X)[:2] + t,
+
+with one coefficient c in px for all images. (A shift by ``(n_x, n_y)`` alone is one of the point
+along its normal and leaves no trace.) To the cameras a drag looks like a rotation that is too large
+or too small, so that it is estimated together with them, with a prior of 1 px.
+
+The normals come from the points, which the cameras place; the field changes little with either, so
+that both are held while c is estimated, and neither's derivative is taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+from scipy import sparse
+
+from semsfm_colmap.geometry.normals import estimate_normals
+from semsfm_colmap.geometry.threads import threads_for
+from semsfm_colmap.refinement.adjustment import PoseModel
+from semsfm_colmap.refinement.drag_kernels import fill_drag_field
+from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
+
+P = TypeVar("P")
+
+DRAG_SIGMA_PX = 1.0
+"""Standard deviation of the coefficient's prior: rendered grains have 0.4 to 1.0 px."""
+MISFIT_DEG = 30.0
+MISFIT_PX = 1.0
+"""At so small a rotation the coefficient is so uncertain, whatever its formal error."""
+DOUBT_SHARE = 0.25
+"""Standard deviation of what the coefficient leaves, as a share of it: shading is no law."""
+DOUBT_FLOOR_PX = 0.15
+"""The same where it is zero."""
+SHADING_SIGMA_PX = 0.15
+"""Standard deviation of each other field of the normal by which shading may displace features."""
+NUM_NEIGHBORS = 30
+"""Points that a normal is fitted to."""
+MIN_POINTS = 50
+"""Fewer points do not give normals."""
+
+
+def drag_field(cam_from_world: Float, normals: Float, image_idx: Int, track_idx: Int) -> Float:
+    """The module's f of each observation: (O, 2), between -1/2 and 1/2.
+
+    Parameters
+    ----------
+    cam_from_world : (M, 3, 3)
+    normals : (N, 3) outward, in the world; zero where it is not known
+
+    """
+    out = np.empty((len(image_idx), 2))
+    with threads_for(len(image_idx)):
+        fill_drag_field(np.ascontiguousarray(cam_from_world), normals, image_idx, track_idx, out)
+    return out
+
+
+def seen_normals(points: Float, cameras: OrthographicCameras, observations: Observations) -> Float:
+    """Outward normals (N, 3) of the points, on the side of the cameras that see them.
+
+    Parameters
+    ----------
+    points : (N, 3), one for each track of `observations`
+
+    """
+    if len(points) < MIN_POINTS:
+        return np.zeros_like(points)
+    obs = observations
+    direction = cameras.viewing_direction[obs.image_idx]
+    mean = np.stack(
+        [np.bincount(obs.track_idx, direction[:, k], minlength=len(points)) for k in range(3)],
+        axis=1,
+    )
+    length = np.linalg.norm(mean, axis=1, keepdims=True)
+    return estimate_normals(points, mean / np.where(length > 0, length, 1.0), NUM_NEIGHBORS)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DragModel(Generic[P]):
+    """`CameraModel` of another one's parameters and the coefficient of the drag."""
+
+    base: PoseModel[P]
+    cam_from_world: Float
+    """(M, 3, 3) for the field only"""
+    normals: Float
+    """(N, 3)"""
+    sigma_px: float = DRAG_SIGMA_PX
+
+    @property
+    def param_idx(self) -> Int:
+        """The base's parameters, then c, which all images share."""
+        base = self.base.param_idx
+        shared = np.full((len(base), 1), self.base.num_params, dtype=np.int64)
+        return np.concatenate([base, shared], axis=1)
+
+    @property
+    def num_params(self) -> int:
+        """One more than the base has."""
+        return self.base.num_params + 1
+
+    def poses(self, params: tuple[P, float]) -> OrthographicCameras:
+        """The cameras of the base."""
+        return self.base.poses(params[0])
+
+    def cameras(self, params: tuple[P, float]) -> tuple[Float, Float]:
+        """The base's; a drag is no affine camera, see `displacement`."""
+        return self.base.cameras(params[0])
+
+    def displacement(self, params: tuple[P, float], image_idx: Int, track_idx: Int) -> Float:
+        """(O, 2) px: what is added to the image of an affine camera."""
+        return params[1] * self.field(image_idx, track_idx)
+
+    def field(self, image_idx: Int, track_idx: Int) -> Float:
+        """The module's f."""
+        return drag_field(self.cam_from_world, self.normals, image_idx, track_idx)
+
+    def jacobian(self, params: tuple[P, float], X: Float, image_idx: Int, track_idx: Int) -> Float:
+        """That of the base, and f for the coefficient."""
+        base = self.base.jacobian(params[0], X, image_idx, track_idx)
+        J = np.empty((len(image_idx), 2, base.shape[2] + 1))
+        J[:, :, :-1] = base
+        J[:, :, -1] = self.field(image_idx, track_idx)
+        return J
+
+    def retract(self, params: tuple[P, float], step: Float) -> tuple[P, float]:
+        """The base's step; the coefficient is added."""
+        return self.base.retract(params[0], step[:-1]), params[1] + float(step[-1])
+
+    def prior(self, params: tuple[P, float]) -> tuple[Float, sparse.csr_array]:
+        """The base's, and a coefficient near zero."""
+        r, J = self.base.prior(params[0])
+        own = sparse.csr_array(np.array([[1.0 / self.sigma_px]]))
+        return (
+            np.append(r, params[1] / self.sigma_px),
+            sparse.csr_array(sparse.block_diag([J, own])),
+        )
+
+
+def shading_fields(cam_from_world: Float, normals: Float, image_idx: Int, track_idx: Int) -> Float:
+    """What else shading may do than drag: fields (O, 2, 9) of the normal, of size 1.
+
+    A pull toward a detector on one side, (1, 0) and (0, 1) times n_c^2, and all fields linear or
+    quadratic in the normal that tell x from y or turn; what a rotation, a shift or the drag itself
+    explains is not among them.
+    """
+    n = np.einsum("oij,oj->oi", cam_from_world[image_idx], normals[track_idx])
+    x, y, z = n[:, 0], n[:, 1], np.maximum(-n[:, 2], 0.0)
+    o = np.zeros_like(x)
+    fields = [
+        (z * z, o),
+        (o, z * z),
+        (x * x - y * y, o),
+        (o, x * x - y * y),
+        (2 * x * y, o),
+        (o, 2 * x * y),
+        (z * x, -z * y),
+        (z * y, z * x),
+        (z * y, -z * x),
+    ]
+    return np.stack([np.stack(field, axis=1) for field in fields], axis=2)
+
+
+def misfit_px(rotation_deg: float) -> float:
+    """What else the coefficient takes up at a small rotation, px.
+
+    The drag shows in the second order of the angle, and there distortion and an axis of view that
+    is not quite the same everywhere look alike: real series of 9 to 18 degrees give -3 to 1 px at
+    formal errors of 0.1.
+    """
+    return MISFIT_PX * (MISFIT_DEG / max(rotation_deg, 1e-3)) ** 2
+
+
+def doubt_px(coefficient_px: float) -> float:
+    """Standard deviation of the coefficient that no residual tells of."""
+    return float(np.hypot(DOUBT_SHARE * coefficient_px, DOUBT_FLOOR_PX))
