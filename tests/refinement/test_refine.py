@@ -5,6 +5,7 @@ import pytest
 
 from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import BundleModel, bundle_adjust
+from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import refine, registered_images
 from semsfm_colmap.refinement.resection import resect
@@ -119,7 +120,7 @@ def test_error_bars_of_the_rotations_are_true_from_both_sides():
             rng=np.random.default_rng(seed),
         )
         fit = refined(s).value
-        C = covariance_of(fit, np.full(8, 1000.0), 0.0)
+        C = covariance_of(fit, np.full(8, 1000.0), Displacement.none(8))
         error = np.deg2rad(
             best_hand_errors_deg(fit.cameras.cam_from_world, s.cameras.cam_from_world)
         )
