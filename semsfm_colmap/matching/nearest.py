@@ -8,21 +8,20 @@ float32.
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.matching.nearest_kernels import search_block
-from semsfm_colmap.types import Array, Float, Int
+from semsfm_colmap.types import Array, Float, Int, ParallelMap
 
 BLOCK_BYTES = 32 << 20
 """Largest block of distances: fits beside others in memory, and is big enough for BLAS."""
-MAX_THREADS = 8
-"""Threads that search a block; beyond that memory is the limit."""
+NUM_PARTS = 2
+"""A block is searched in so many parts at a time, whoever does it: what a second nearest within the
+exclusion hides depends on the order, and the result shall not depend on the number of threads."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,7 +42,7 @@ def match_nearest(
     *,
     max_ratio: float = 0.8,
     mutual: bool = True,
-    num_threads: int = 0,
+    parallel_map: ParallelMap = map,
     xy1: Float | None = None,
     xy2: Float | None = None,
     exclusion_px: float = -1.0,
@@ -56,7 +55,7 @@ def match_nearest(
     max_ratio : nearest to second nearest distance must be below this; in both directions with
         `mutual`; 1 or more switches it off
     mutual : each must be the other's nearest
-    num_threads : 0 takes all processors
+    parallel_map : over the parts of a block
     xy1, xy2, exclusion_px : positions (K, 2) of both sets; a second nearest within this distance of
         the nearest describes the same spot (another orientation, another simulated view) and is no
         rival in the ratio; below 0 every other descriptor is
@@ -72,7 +71,7 @@ def match_nearest(
     if exclusion_px >= 0.0 and (xy1 is None or xy2 is None):
         raise UsageError(f"{exclusion_px=} needs the positions xy1 and xy2")
     forward, backward = nearest_two(
-        a, b, num_threads=num_threads, xy1=xy1, xy2=xy2, exclusion_px=exclusion_px
+        a, b, parallel_map=parallel_map, xy1=xy1, xy2=xy2, exclusion_px=exclusion_px
     )
     first = np.arange(len(a))
     second = forward.index
@@ -107,7 +106,7 @@ def nearest_two(
     a: Array,
     b: Array,
     *,
-    num_threads: int = 0,
+    parallel_map: ParallelMap = map,
     xy1: Float | None = None,
     xy2: Float | None = None,
     exclusion_px: float = -1.0,
@@ -115,9 +114,8 @@ def nearest_two(
     """Nearest and second nearest in both directions.
 
     Ties go to the smaller index. Blocks of rows are multiplied by BLAS, which uses its own
-    threads, then searched by ours.
+    threads, then searched in parts.
     """
-    threads = min(num_threads or os.cpu_count() or 1, MAX_THREADS)
     n1, n2 = len(a), len(b)
     place1 = _positions(xy1, n1)
     place2 = _positions(xy2, n2)
@@ -125,37 +123,34 @@ def nearest_two(
     norm2 = np.einsum("kd,kd->k", b, b)
     rows = max(64, min(n1, BLOCK_BYTES // (4 * n2)))
     index1, best1, second1 = _empty(n1)
-    # one set of column results a thread, merged at the end
-    columns = [_empty(n2) for _ in range(threads)]
+    # one set of column results a part, merged at the end
+    columns = [_empty(n2) for _ in range(NUM_PARTS)]
     product = np.empty((min(rows, n1), n2), dtype=np.float32)
-    with ThreadPoolExecutor(threads) as pool:
-        for begin in range(0, n1, rows):
-            end = min(begin + rows, n1)
-            block = product[: end - begin]
-            np.matmul(a[begin:end], b.T, out=block)
-            edges = np.linspace(0, end - begin, threads + 1).astype(int)
-            jobs = [
-                pool.submit(
-                    search_block,
-                    block[low:high],
-                    norm1[begin + low : begin + high],
-                    norm2,
-                    begin + low,
-                    index1[begin + low : begin + high],
-                    best1[begin + low : begin + high],
-                    second1[begin + low : begin + high],
-                    columns[t][0],
-                    columns[t][1],
-                    columns[t][2],
-                    place1,
-                    place2,
-                    exclusion_px,
-                )
-                for t, (low, high) in enumerate(pairwise(edges))
-                if high > low
-            ]
-            for job in jobs:
-                job.result()
+    for begin in range(0, n1, rows):
+        end = min(begin + rows, n1)
+        block = product[: end - begin]
+        np.matmul(a[begin:end], b.T, out=block)
+        edges = np.linspace(begin, end, NUM_PARTS + 1).astype(int).tolist()
+
+        def search(
+            part: int, begin: int = begin, block: Array = block, edges: list[int] = edges
+        ) -> None:
+            low, high = edges[part : part + 2]
+            search_block(
+                block[low - begin : high - begin],
+                norm1[low:high],
+                norm2,
+                low,
+                index1[low:high],
+                best1[low:high],
+                second1[low:high],
+                *columns[part],
+                place1,
+                place2,
+                exclusion_px,
+            )
+
+        deque(parallel_map(search, range(NUM_PARTS)), maxlen=0)
     return (
         NearestTwo(index=index1, best=best1, second=second1),
         _merged(columns, place1, exclusion_px),

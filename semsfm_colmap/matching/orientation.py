@@ -53,9 +53,7 @@ def pilot_images(num_images: int) -> list[tuple[int, int, int]]:
     return [(k, k + 1, k + gap) for k in first]
 
 
-def try_orientations(
-    num_images: int, features_of: FeaturesOf, *, num_threads: int = 0, seed: int = 0
-) -> Trial:
+def try_orientations(num_images: int, features_of: FeaturesOf, *, seed: int = 0) -> Trial:
     """Match a few pairs both ways and verify what is found.
 
     Parameters
@@ -71,23 +69,20 @@ def try_orientations(
         features = dict(zip(images, features_of(images, upright), strict=True))
 
         def count(i: int, j: int, of: Mapping[int, Features] = features) -> int:
-            return _num_places(of[i], of[j], (i, j), num_threads, seed)
+            return _num_places(of[i], of[j], (i, j), seed)
 
         near.append(sum(count(i, j) for i, j, _ in trios))
         far.append(sum(count(i, k) for i, j, k in trios if k > j))
     return Trial(near=(near[0], near[1]), far=(far[0], far[1]))
 
 
-def _num_places(
-    first: Features, second: Features, pair: tuple[int, int], num_threads: int, seed: int
-) -> int:
+def _num_places(first: Features, second: Features, pair: tuple[int, int], seed: int) -> int:
     """Places of the first image that have a verified match in the second."""
     options = MatchingOptions()
     matches = match_nearest(
         first.descriptors,
         second.descriptors,
         max_ratio=options.max_ratio,
-        num_threads=num_threads,
     ).keypoints
     geometry = verify_pair(pair, first.xy, second.xy, matches, options, seed)
     if geometry.F is None:

@@ -1,16 +1,15 @@
 """Write the report's folder: report.html, metrics.json and figures/.
 
-Everything is written aside first and then renamed into place, so that whoever looks sees the old
-report or the new one, and never half of either. Other files in the folder are left alone.
+All three are written aside first and then renamed, so that whoever looks sees the old report or the
+new one, and never half of either. Other files in the folder are left alone.
 """
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.io.atomic import file_aside, folder_aside
 from semsfm_colmap.report.figures import DrawnFigure, draw_figures
 from semsfm_colmap.report.html import render_page
 from semsfm_colmap.report.inputs import ReportInputs
@@ -22,28 +21,10 @@ from semsfm_colmap.report.options import ReportOptions
 PAGE, METRICS, FIGURES = "report.html", "metrics.json", "figures"
 
 
-def write_metrics(metrics: Metrics, path: Path) -> None:
-    """Write metrics.json in one step."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        aside.write_text(to_json(metrics_json(metrics)), encoding="utf-8")
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
-
-
 def _write_figures(figures: tuple[DrawnFigure, ...], folder: Path) -> None:
-    folder.mkdir()
     for figure in figures:
         if figure.png is not None:
             (folder / f"{figure.name}.png").write_bytes(figure.png)
-
-
-def _swap_folder(new: Path, place: Path, attic: Path) -> None:
-    """Rename `new` to `place`; what was there goes to `attic` (folders cannot be replaced)."""
-    if place.exists():
-        place.rename(attic)
-    new.rename(place)
 
 
 def write_report(
@@ -57,15 +38,14 @@ def write_report(
     figures = draw_figures(inputs, metrics, options)
     page = render_page(inputs, metrics, figures, options)
     try:
-        report_path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".partial-", dir=report_path) as folder:
-            aside = Path(folder)
-            (aside / PAGE).write_text(page, encoding="utf-8")
-            write_metrics(metrics, aside / METRICS)
-            _write_figures(figures, aside / FIGURES)
-            _swap_folder(aside / FIGURES, report_path / FIGURES, aside / "old_figures")
-            (aside / METRICS).replace(report_path / METRICS)
-            (aside / PAGE).replace(report_path / PAGE)
+        with (
+            file_aside(report_path / PAGE) as page_aside,
+            file_aside(report_path / METRICS) as metrics_aside,
+            folder_aside(report_path / FIGURES) as figures_aside,
+        ):
+            page_aside.write_text(page, encoding="utf-8")
+            metrics_aside.write_text(to_json(metrics_json(metrics)), encoding="utf-8")
+            _write_figures(figures, figures_aside)
     except OSError as error:
         raise UsageError(
             f"cannot write the report to {report_path}: {error.strerror or error}; "

@@ -1,3 +1,5 @@
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -32,12 +34,16 @@ def test_matches_are_those_of_the_plain_search(shape, dtype):
     assert np.all(found.ratio < 0.8)
 
 
-@pytest.mark.parametrize(("block_bytes", "threads"), [(1 << 12, 1), (1 << 16, 2), (1 << 30, 3)])
-def test_neither_block_size_nor_threads_change_the_result(monkeypatch, block_bytes, threads):
+@pytest.mark.parametrize(("block_bytes", "parts"), [(1 << 12, 1), (1 << 16, 2), (1 << 30, 3)])
+def test_neither_blocks_nor_parts_nor_who_searches_them_change_the_result(
+    monkeypatch, block_bytes, parts
+):
     a, b, _ = two_sets(301, 517, 20)
-    expected = match_nearest(a, b, num_threads=1)
+    expected = match_nearest(a, b)
     monkeypatch.setattr(nearest, "BLOCK_BYTES", block_bytes)
-    again = match_nearest(a, b, num_threads=threads)
+    monkeypatch.setattr(nearest, "NUM_PARTS", parts)
+    with ThreadPoolExecutor(3) as pool:
+        again = match_nearest(a, b, parallel_map=pool.map)
     assert np.array_equal(again.keypoints, expected.keypoints)
     assert np.allclose(again.distance, expected.distance)
 
@@ -69,11 +75,12 @@ def test_equal_descriptors_are_ambiguous_and_do_not_match():
     assert match_nearest(same, same, max_ratio=1.0).keypoints.tolist() == [[0, 0]]
 
 
-def test_ties_across_blocks_and_threads_go_to_the_smaller_index(monkeypatch):
+def test_ties_across_blocks_and_parts_go_to_the_smaller_index(monkeypatch):
     monkeypatch.setattr(nearest, "BLOCK_BYTES", 1)
+    monkeypatch.setattr(nearest, "NUM_PARTS", 3)
     a = np.zeros((200, 4), dtype=np.float32)
     b = np.zeros((3, 4), dtype=np.float32)
-    forward, backward = nearest_two(a, b, num_threads=3)
+    forward, backward = nearest_two(a, b)
     assert np.all(forward.index == 0)
     assert np.all(backward.index == 0)
     assert np.all(backward.second == 0.0)
@@ -111,8 +118,9 @@ def plain_ratio_with_exclusion(a, b, xy, exclusion):
     return ratio
 
 
-@pytest.mark.parametrize("threads", [1, 3])
-def test_descriptors_of_the_same_spot_are_no_rivals(threads):
+@pytest.mark.parametrize("parts", [1, 3])
+def test_descriptors_of_the_same_spot_are_no_rivals(monkeypatch, parts):
+    monkeypatch.setattr(nearest, "NUM_PARTS", parts)
     rng = np.random.default_rng(4)
     spots, copies = 120, 3
     a = rng.uniform(0, 100, (spots, 32)).astype(np.float32)
@@ -122,10 +130,8 @@ def test_descriptors_of_the_same_spot_are_no_rivals(threads):
     xy2 = np.repeat(place, copies, axis=0) + rng.uniform(-0.3, 0.3, (spots * copies, 2))
     order = rng.permutation(len(b))
     b, xy2 = b[order], xy2[order]
-    assert len(match_nearest(a, b, max_ratio=0.6, num_threads=threads).keypoints) < 20
-    found = match_nearest(
-        a, b, max_ratio=0.6, xy1=place, xy2=xy2, exclusion_px=2.0, num_threads=threads
-    )
+    assert len(match_nearest(a, b, max_ratio=0.6).keypoints) < 20
+    found = match_nearest(a, b, max_ratio=0.6, xy1=place, xy2=xy2, exclusion_px=2.0)
     assert len(found.keypoints) == spots
     i, j = found.keypoints.T
     assert np.allclose(place[i], xy2[j], atol=0.5)
@@ -137,13 +143,10 @@ def test_descriptors_of_the_same_spot_are_no_rivals(threads):
         xy1=place,
         xy2=xy2,
         exclusion_px=2.0,
-        num_threads=threads,
     )
     assert np.allclose(one_way.ratio, plain_ratio_with_exclusion(a, b, xy2, 2.0), rtol=1e-3)
-    # and the other way around, where the copies are rows that threads share
-    back = match_nearest(
-        b, a, max_ratio=0.6, xy1=xy2, xy2=place, exclusion_px=2.0, num_threads=threads
-    )
+    # and the other way around, where the copies are rows that the parts share
+    back = match_nearest(b, a, max_ratio=0.6, xy1=xy2, xy2=place, exclusion_px=2.0)
     assert np.array_equal(
         back.keypoints[np.argsort(back.keypoints[:, 1])][:, ::-1], found.keypoints
     )

@@ -54,7 +54,6 @@ def series_of(tmp_path, transforms):
             max_num_features=2000,
             upright=upright,
             first_octave=0,
-            num_threads=2,
         )
 
     return len(transforms), features_of
@@ -67,18 +66,18 @@ def turn(deg):
 
 def test_a_tilted_texture_is_matched_upright(tmp_path):
     squeezed = [np.diag([np.cos(np.deg2rad(a)), 1.0]) for a in (0, 25, 40, 52)]
-    assert try_orientations(*series_of(tmp_path, squeezed), num_threads=2).upright
+    assert try_orientations(*series_of(tmp_path, squeezed)).upright
 
 
 def test_a_texture_that_turns_in_the_image_is_not(tmp_path):
     turned = series_of(tmp_path, [turn(a) for a in (0, 40, 80, 120)])
-    trial = try_orientations(*turned, num_threads=2)
+    trial = try_orientations(*turned)
     assert not trial.upright
     assert trial.near[0] > 5 * trial.near[1]
 
 
 def test_a_slow_turn_in_the_image_is_seen_in_the_farther_pairs(tmp_path):
     turned = series_of(tmp_path, [turn(a) for a in range(0, 91, 15)])
-    trial = try_orientations(*turned, num_threads=2)
+    trial = try_orientations(*turned)
     assert not trial.upright
     assert trial.far[0] > 2 * trial.far[1]

@@ -35,16 +35,18 @@ def match_pairs(
     from semsfm_colmap.colmap.sift import match_sift
     from semsfm_colmap.pipeline.stages.own_features import is_own, match_own
 
-    config, num_threads = on.config, on.executor.num_workers
+    config = on.config
     with on.reporter.progress("matching pairs") as progress:
         if is_own(config.features):
-            match_own(on.project, names, pairs, config, num_threads=num_threads, progress=progress)
+            match_own(
+                on.project, names, pairs, config, progress=progress, parallel_map=on.executor.map
+            )
         else:
             match_sift(
                 on.project.database,
                 [(ids[i], ids[j]) for i, j in pairs],
                 max_ratio=config.matching.max_ratio,
-                num_threads=num_threads,
+                num_threads=on.executor.num_workers,
                 progress=progress,
             )
 

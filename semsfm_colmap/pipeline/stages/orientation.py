@@ -35,4 +35,4 @@ def try_project_orientations(
             num_threads=num_threads,
         )
 
-    return try_orientations(len(series.names), features_of, num_threads=num_threads, seed=seed)
+    return try_orientations(len(series.names), features_of, seed=seed)

@@ -125,8 +125,8 @@ def match_own(
     pairs: Sequence[tuple[int, int]],
     config: Config,
     *,
-    num_threads: int,
     progress: Progress,
+    parallel_map: ParallelMap = map,
 ) -> None:
     """Mutual nearest neighbours with ratio by exact search, pair by pair into the database.
 
@@ -136,6 +136,7 @@ def match_own(
     ----------
     names : images in acquisition order
     pairs : numbers in `names`
+    parallel_map : over the parts of a pair's distances
 
     """
     from semsfm_colmap.colmap.database.work import (
@@ -172,7 +173,7 @@ def match_own(
             values1,
             values2,
             max_ratio=config.matching.max_ratio,
-            num_threads=num_threads,
+            parallel_map=parallel_map,
             xy1=xy1,
             xy2=xy2,
             exclusion_px=config.matching.exclusion_px,

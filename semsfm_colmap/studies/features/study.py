@@ -54,7 +54,7 @@ def run_study(
 
     Parameters
     ----------
-    parallel_map : over the images
+    parallel_map : over the images, and over the pairs
     progress : called with the numbers of combinations done and in all
 
     """
@@ -72,10 +72,16 @@ def run_study(
             repeated[detector] = _repeatability(images, features, study)
         for descriptor in study.descriptors:
             described = _described(descriptor, images, features, options, parallel_map)
-            counts += [
-                _count_pair(detector, descriptor, k, images, described[k : k + 2], options)
-                for k in range(len(described) - 1)
-            ]
+
+            def count(
+                k: int,
+                detector: str = detector,
+                descriptor: str = descriptor,
+                described: list[Features] = described,
+            ) -> PairCount:
+                return _count_pair(detector, descriptor, k, images, described[k : k + 2], options)
+
+            counts += parallel_map(count, range(len(described) - 1))
             done += 1
             if progress is not None:
                 progress(done, total)

@@ -1,4 +1,4 @@
-"""Images and masks as the stereo reads them, and what is background."""
+"""Images and masks as the stereo reads them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.surface.stereo.background import background, uncorrelated_region
 from semsfm_colmap.surface.stereo.rasters import (
     raster_reader,
     read_raster,
@@ -63,32 +62,3 @@ def test_a_mask_of_another_size_is_named(tmp_path: Path) -> None:
     write(tmp_path / "a.png.png", np.zeros((5, 5), np.uint8))
     with pytest.raises(InputError, match=r"a\.png\.png is not a mask"):
         read_raster(tmp_path, tmp_path, "a.png", 10, (10, 10))
-
-
-def test_the_halo_around_a_specimen_is_background_and_the_specimen_is_not() -> None:
-    rng = np.random.default_rng(1)
-    y, x = np.mgrid[0:120, 0:160]
-    inside = (x - 80) ** 2 + (y - 60) ** 2 < 35**2
-    halo = (x - 80) ** 2 + (y - 60) ** 2 < 39**2
-    grey = np.where(inside, 140.0 + 20 * rng.random(x.shape), 20.0).astype(np.float32)
-    grey += rng.normal(0, 2, grey.shape).astype(np.float32)
-    correlation = np.where(halo, 0.9, 0.15).astype(np.float32)
-    found = background(grey, uncorrelated_region(correlation, 4), 4, 2.0)
-    assert (found & inside).sum() <= 0.03 * inside.sum()
-    assert (found & ~inside).sum() >= 0.98 * (~inside).sum()
-
-
-def test_an_image_filled_by_the_specimen_has_no_background() -> None:
-    correlation = np.full((60, 80), 0.8, dtype=np.float32)
-    correlation[10:14, 10:14] = 0.0
-    empty = uncorrelated_region(correlation, 4)
-    assert not background(np.full((60, 80), 90, np.float32), empty, 4, 2.0).any()
-
-
-def test_without_contrast_only_the_region_itself_is_background() -> None:
-    correlation = np.full((60, 80), 0.8, dtype=np.float32)
-    correlation[:, :30] = 0.0
-    empty = uncorrelated_region(correlation, 2)
-    np.testing.assert_array_equal(
-        background(np.full((60, 80), 90, np.float32), empty, 4, 2.0), empty
-    )

@@ -1,0 +1,145 @@
+"""Local planes and Gauss-Newton steps, against closed forms and derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from semsfm_colmap.surface.stereo.refine_kernels import local_planes, slanted_step, view_terms
+from semsfm_colmap.types import Array, Float
+
+
+def terms_at(shift: float, image: Array, window: Float, weight: Array, a: Array) -> Float:
+    gradient = np.gradient(image.astype(float), axis=1)
+    view = np.ascontiguousarray(np.stack([image, gradient], axis=-1).astype(np.float32))
+    affine = np.array([1.02, 0.01, -0.02, 0.99, 20.0 + shift, 15.0], dtype=np.float32)
+    terms = np.zeros(3, dtype=np.float32)
+    buffers = np.zeros((2, len(window)), dtype=np.float32)
+    view_terms(view, affine, window, weight, a, 0.0, buffers[0], buffers[1], terms)
+    return terms.astype(float)
+
+
+def stereo_pair(true_depth: float) -> dict[str, Array]:
+    """A fronto-parallel surface at one depth, seen by the reference and two neighbours."""
+    y, x = np.mgrid[0:40, 0:60].astype(float)
+
+    def texture(u: Float, v: Float) -> Array:
+        waves = np.sin(0.6 * u + 0.2 * v) + np.cos(0.5 * v - 0.4 * u) + np.sin(0.9 * u - 0.7 * v)
+        return (25.0 * waves).astype(np.float32)
+
+    c = np.array([[0.3, 0.0], [-0.3, 0.05]])
+    grey = texture(x, y)
+    views = []
+    for k in range(2):
+        view = texture(x - c[k, 0] * true_depth, y - c[k, 1] * true_depth)
+        slope = c[k, 0] * np.gradient(view, axis=1) + c[k, 1] * np.gradient(view, axis=0)
+        views.append(np.stack([view, slope], axis=-1))
+    return {"grey": grey, "views": np.stack(views).astype(np.float32), "c": c}
+
+
+def test_local_planes_keep_to_the_surface_of_the_centre() -> None:
+    y, x = np.mgrid[0:20, 0:20].astype(np.float32)
+    depth = 0.1 * x - 0.05 * y + 3.0
+    depth[:, 10:] += 50.0
+    depth[3, 3] = np.nan
+    z, p, q = local_planes(depth, np.ones_like(depth), 3, 0.5)
+    known = np.isfinite(depth)
+    assert np.isnan(z[3, 3])
+    inner = known & (np.abs(x - 9.5) < 5) & (np.abs(y - 9.5) < 5)
+    np.testing.assert_allclose(z[inner], depth[inner], atol=0.02)
+    # the ridge that steadies one-sided fits takes a few percent of the slope
+    np.testing.assert_allclose(p[inner], 0.1, rtol=0.08)
+    np.testing.assert_allclose(q[inner], -0.05, rtol=0.08)
+
+
+def test_the_gauss_newton_terms_are_the_derivatives_of_the_correlation() -> None:
+    # slow waves, so that interpolation and the image's gradient agree
+    y, x = np.mgrid[0:31, 0:41].astype(float)
+    image = (20 * np.sin(0.12 * x + 0.1 * y) + 15 * np.cos(0.1 * y - 0.08 * x)).astype(np.float32)
+    window = np.array([(i, j) for j in range(-3, 4) for i in range(-3, 4)], dtype=np.float32)
+    weight = np.exp(-0.1 * (window**2).sum(axis=1)).astype(np.float32)
+    weight /= weight.sum()
+    a = np.array([image[15 + int(j), 18 + int(i)] for i, j in window], dtype=np.float32)
+    a -= weight @ a
+    a /= np.sqrt(weight @ a**2)
+    step = 0.05
+    correlation, numerator, denominator = terms_at(0.0, image, window, weight, a)
+    high = terms_at(step, image, window, weight, a)[0]
+    low = terms_at(-step, image, window, weight, a)[0]
+    # with |a| = |b| = 1, sum w (a - b)^2 = 2 - 2 corr: its half falls as the numerator says
+    assert numerator == pytest.approx((high - low) / (2 * step), rel=0.05)
+    assert denominator > 0.0
+    assert correlation < 1.0
+
+
+@pytest.mark.parametrize("start_error", [-1.5, 0.8])
+def test_slanted_steps_lead_to_the_true_depth(start_error: float) -> None:
+    pair = stereo_pair(5.0)
+    depth = np.full((40, 60), 5.0 + start_error, dtype=np.float32)
+    score = np.ones_like(depth)
+    window = np.array([(i, j) for j in range(-3, 4) for i in range(-3, 4)])
+    for _ in range(4):
+        plane = np.stack([depth, np.zeros_like(depth), np.zeros_like(depth)])
+        slanted_step(
+            pair["grey"],
+            plane,
+            pair["views"],
+            np.ones((2, 40, 60), np.uint8),
+            np.tile(np.eye(2), (2, 1, 1)),
+            pair["c"],
+            np.zeros((2, 2)),
+            window,
+            np.ones(len(window), np.float32),
+            np.full(3, 0.3),
+            500.0,
+            0.4,
+            0.0,
+            depth,
+            score,
+        )
+    inner = np.s_[8:-8, 8:-8]
+    assert np.abs(depth[inner] - 5.0).max() < 0.06
+    assert score[inner].min() > 0.98
+
+
+def test_a_neighbour_that_sees_something_else_is_outvoted() -> None:
+    pair = stereo_pair(5.0)
+    views = np.concatenate([pair["views"], np.random.default_rng(0).normal(0, 30, (1, 40, 60, 2))])
+    depth = np.full((40, 60), 5.4, dtype=np.float32)
+    score = np.ones_like(depth)
+    window = np.array([(i, j) for j in range(-2, 3) for i in range(-2, 3)])
+    for _ in range(4):
+        plane = np.stack([depth, np.zeros_like(depth), np.zeros_like(depth)])
+        slanted_step(
+            pair["grey"],
+            plane,
+            views.astype(np.float32),
+            np.ones((3, 40, 60), np.uint8),
+            np.tile(np.eye(2), (3, 1, 1)),
+            np.concatenate([pair["c"], [[0.2, 0.2]]]),
+            np.zeros((3, 2)),
+            window,
+            np.ones(len(window), np.float32),
+            np.full(4, 0.3),
+            500.0,
+            0.4,
+            0.0,
+            depth,
+            score,
+        )
+    assert np.abs(depth[8:-8, 8:-8] - 5.0).max() < 0.06
+
+
+def test_an_unknown_depth_stays_unknown() -> None:
+    pair = stereo_pair(5.0)
+    depth = np.full((40, 60), np.nan, dtype=np.float32)
+    score = np.ones_like(depth)
+    plane = np.full((3, 40, 60), np.nan, dtype=np.float32)
+    one = np.zeros((1, 2), dtype=np.int64)
+    eye = np.tile(np.eye(2), (2, 1, 1))
+    slanted_step(
+        pair["grey"], plane, pair["views"], np.ones((2, 40, 60), np.uint8), eye, pair["c"],
+        np.zeros((2, 2)), one, np.ones(1, np.float32), np.ones(3), 10.0, 0.4, 0.0, depth, score,
+    )  # fmt: skip
+    assert np.isnan(depth).all()
+    assert (score == 0).all()

@@ -1,0 +1,81 @@
+"""Which cloud is meshed, and what comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from semsfm_colmap.surface.build import coverage, fuse_depth_maps, mesh
+from semsfm_colmap.surface.fusion.fuse import fuse
+from semsfm_colmap.surface.options import SurfaceOptions
+from semsfm_colmap.types import DepthMap, PointCloud, Reconstruction
+from tests.oracles.surface import is_edge_manifold
+from tests.surface.scene import (
+    RADIUS,
+    SCALE,
+    ball_points,
+)
+
+OPTIONS = SurfaceOptions()
+
+
+def test_true_depth_maps_fuse_to_the_ball(
+    round_ball: tuple[Reconstruction, list[DepthMap], Path],
+) -> None:
+    reconstruction, maps, folder = round_ball
+    cloud = fuse(maps, reconstruction, folder, OPTIONS)
+    radius = np.linalg.norm(cloud.points, axis=1)
+    assert SCALE * np.abs(radius - RADIUS).mean() < 0.1
+    assert cloud.normals is not None
+    outward = np.einsum("ni,ni->n", cloud.normals, cloud.points) / radius
+    assert np.degrees(np.arccos(np.clip(outward, -1, 1))).mean() < 4.0
+    assert cloud.sigma is not None
+    assert np.median(SCALE * cloud.sigma) < 0.1
+    # all around, up to where every image looks along the surface
+    assert coverage(cloud, PointCloud(points=ball_points(2000))) > 0.93
+    assert cloud.colors is not None
+    assert 100 < cloud.colors.mean() < 160
+
+
+def test_where_the_maps_agree_on_nothing_the_sparse_points_are_the_surface(
+    round_ball: tuple[Reconstruction, list[DepthMap], Path],
+) -> None:
+    reconstruction, maps, folder = round_ball
+    empty = [replace(m, depth=np.full_like(m.depth, np.nan)) for m in maps[:3]]
+    solution = fuse_depth_maps(empty, reconstruction, folder, OPTIONS)
+    assert solution.status == "sparse"
+    assert "made from the reconstructed points" in solution.message
+    assert solution.value is not None
+    assert len(solution.value.points) > 4000
+
+
+def test_where_the_maps_leave_gaps_that_is_said(
+    round_ball: tuple[Reconstruction, list[DepthMap], Path],
+) -> None:
+    reconstruction, maps, folder = round_ball
+    solution = fuse_depth_maps(maps[:12], reconstruction, folder, OPTIONS)
+    assert solution.status == "gaps"
+    assert 0.4 < solution.diagnostics["coverage"] < 0.8
+
+
+def test_the_fused_cloud_becomes_one_sound_mesh(
+    round_ball: tuple[Reconstruction, list[DepthMap], Path],
+) -> None:
+    reconstruction, maps, folder = round_ball
+    solution = fuse_depth_maps(maps, reconstruction, folder, OPTIONS)
+    assert solution.status == "ok"
+    assert solution.value is not None
+    meshed = mesh(solution.value, OPTIONS)
+    assert meshed.value is not None
+    assert is_edge_manifold(meshed.value.faces)
+    assert meshed.diagnostics["num_components"] == 1
+    assert np.abs(SCALE * (np.linalg.norm(meshed.value.vertices, axis=1) - RADIUS)).max() < 1.0
+
+
+def test_a_cloud_without_a_surface_is_a_failed_solution() -> None:
+    failed = mesh(PointCloud(points=np.eye(4, 3), normals=np.eye(4, 3)), OPTIONS)
+    assert failed.value is None
+    assert not failed.ok
+    assert "too few for a mesh" in failed.message
