@@ -7,6 +7,7 @@ import pytest
 
 from semsfm_colmap.mapping.drift import adjust_last
 from semsfm_colmap.matching.guided.grow import Grown
+from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import refine
 from semsfm_colmap.refinement.trust import covariance_of
@@ -15,7 +16,7 @@ from tests.alignment import best_hand_errors_deg
 from tests.refinement.test_scan_drift import HEIGHT, with_drift
 
 M, DRIFT_PX, NOISE_PX = 12, 0.2, 0.1
-OPTIONS = RefinementOptions(drift_sigma_px=DRIFT_PX)
+OPTIONS = RefinementOptions(drift_sigma_px=DRIFT_PX, drag_sigma_px=0.0)
 
 
 def series(seed):
@@ -72,7 +73,8 @@ def test_the_error_bars_hold_the_uncertainty_of_the_drift(ends):
     for s, _, end in ends:
         error = errors_deg(end.refined, s)
         for sigma_px, into in ((DRIFT_PX, normalised), (0.0, blind)):
-            sigma = covariance_of(end.refined, np.full(M, HEIGHT), sigma_px).sigma_rotation_rad
+            drift = Displacement(drift_px=np.zeros((M, 2)), drift_sigma_px=sigma_px)
+            sigma = covariance_of(end.refined, np.full(M, HEIGHT), drift).sigma_rotation_rad
             variance = np.sum(np.rad2deg(sigma) ** 2, axis=1)
             into.append(error**2 / variance)
     assert 0.5 < np.mean(normalised) < 1.6
@@ -89,11 +91,11 @@ def test_the_residuals_sink_to_the_noise(ends):
 def test_the_observations_are_moved_by_no_more_than_half_the_drift(ends):
     for s, _, end in ends:
         moved = np.abs(end.observations.xy - s.observations.xy)
-        limit = 0.51 * np.abs(end.drift_px)[s.observations.image_idx]
+        limit = 0.51 * np.abs(end.displacement.drift_px)[s.observations.image_idx]
         assert (moved <= limit + 1e-3).mean() > 0.99
 
 
 def test_a_prior_of_zero_takes_nothing_out():
     s, _, end = last(0, replace(OPTIONS, drift_sigma_px=0.0))
-    assert not end.drift_px.any()
+    assert not end.displacement.drift_px.any()
     np.testing.assert_array_equal(end.observations.xy, s.observations.xy)
