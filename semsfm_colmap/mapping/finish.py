@@ -96,10 +96,15 @@ def finish(
     """
     sizes = image_size_px[refined.images]
     uncertainty = uncertainty_of(refined, sizes[:, 1].astype(float), displacement)
-    covariance = None if uncertainty is None else uncertainty.total
-    figures, notes = reliability(
-        refined, uncertainty, options, sizes[:, 1].astype(float), tilt_known=tilt is not None
+    figures, notes, uncertainty = reliability(
+        refined,
+        uncertainty,
+        options,
+        sizes[:, 1].astype(float),
+        displacement,
+        tilt_known=tilt is not None,
     )
+    covariance = None if uncertainty is None else uncertainty.total
     if "leave_one_out" in figures:
         numbers = figures["leave_one_out"]["images"]
         figures["leave_one_out"]["images"] = [image_names[refined.images[k]] for k in numbers]

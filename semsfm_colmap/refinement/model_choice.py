@@ -39,6 +39,8 @@ MAX_TRACKS = 1500
 """The comparison uses about so many tracks, spread evenly: it is about cameras, not points."""
 MIN_IMAGE_OBSERVATIONS = 150
 """Long series keep so many observations of each image, whatever number of tracks that takes."""
+MAX_BIC_SHARE = 1.1
+"""Without held-out residuals a rung is ruled out when its criterion is larger by more."""
 DISAGREEMENT_SIGMAS = 3.0
 """Models disagree when they differ by more than this many joint standard deviations."""
 MIN_DISAGREEMENT = 0.01
@@ -68,6 +70,9 @@ class ModelComparison:
     depth_uncertainty: float
     """relative spread of the total rotation over the rungs that the data do not rule out"""
     message: str
+    disagreement: float = 0.0
+    """largest relative difference of the total rotation between a rung that is not ruled out and
+    the one with the magnifications' prior"""
     drift_px: Float | None = None
     """(M, 2) displacement of the last row against the first one, under the rung with drift"""
 
@@ -187,6 +192,14 @@ def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:
     least = min(rung.held_out_px for rung in rungs)
     alive = [r for r in rungs if not r.held_out_px > 1.05 * least]
     ranges = np.array([rung.range_deg for rung in alive])
+    written = next((r.range_deg for r in rungs if r.name == LADDER[1][0]), rungs[0].range_deg)
+    # without residuals that were held out, the criterion itself rules out
+    fits = [
+        r for r in alive if np.isfinite(r.held_out_px) or r.bic <= MAX_BIC_SHARE * abs(best.bic)
+    ]
+    disagreement = max(
+        (abs(r.range_deg - written) / max(written, 1e-12) for r in fits), default=0.0
+    )
     spread = float(np.ptp(ranges) / max(np.mean(ranges), 1e-12))
     limit = max(
         MIN_DISAGREEMENT, DISAGREEMENT_SIGMAS * range_sigma_deg / max(float(np.mean(ranges)), 1e-12)
@@ -199,4 +212,10 @@ def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:
         )
     else:
         message = f"the camera models agree on the total rotation to {100 * spread:.1f} %"
-    return ModelComparison(rungs=rungs, best=best.name, depth_uncertainty=spread, message=message)
+    return ModelComparison(
+        rungs=rungs,
+        best=best.name,
+        depth_uncertainty=spread,
+        message=message,
+        disagreement=disagreement,
+    )

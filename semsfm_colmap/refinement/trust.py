@@ -27,6 +27,7 @@ from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import (
     DRIFT_RUNG,
     MAX_TRACKS,
+    ModelComparison,
     compare_models,
     thin_tracks,
     total_rotation,
@@ -40,12 +41,14 @@ from semsfm_colmap.refinement.uncertainty import (
     field_modes,
     relief_sigma,
     shared_mode,
+    stretch_mode,
     surface_patches,
     with_modes,
     with_relief,
 )
 from semsfm_colmap.types import Float
 
+MAX_STRETCHED_RAD = np.deg2rad(170.0)
 SMALL_ROTATION_DEG = 15.0
 """Below this total rotation the angle is seen in second order only."""
 
@@ -91,7 +94,8 @@ def uncertainty_of(
         modes["drag"] = DRAG_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, field)
     fields = shading_fields(R, normals, obs.image_idx, obs.track_idx)
     modes["shading"] = SHADING_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, fields)
-    found = with_modes(noise, modes, model, state, obs, sigma_px)
+    found = Uncertainty(noise=noise, total=noise)
+    found = with_modes(found, modes, model, state, obs, sigma_px)
     return with_relief(found, normals, relief_sigma(refined.points))
 
 
@@ -110,15 +114,43 @@ def displaced_state(
     return model, replace(state, params=undisplaced_params(model, refined.state.params))
 
 
+def with_disagreement(
+    uncertainty: Uncertainty,
+    refined: Refined,
+    height_px: Float,
+    displacement: Displacement,
+    comparison: ModelComparison,
+) -> Uncertainty:
+    """The error bars with what the camera models that fit disagree on.
+
+    Beyond half a turn nothing is added: there the turn itself fixes the angles.
+    """
+    rotation = total_rotation(np.asarray(refined.cameras.cam_from_world))
+    share = comparison.disagreement
+    if not share > 0.0 or rotation > MAX_STRETCHED_RAD:
+        return uncertainty
+    model, state = displaced_state(refined, height_px, displacement)
+    mode = stretch_mode(model, refined.cameras, uncertainty.noise.cameras.gauge)
+    modes = {"models": share / np.sqrt(3.0) * mode[:, None]}
+    return with_modes(uncertainty, modes, model, state, refined.observations, refined.sigma_px)
+
+
 def reliability(
     refined: Refined,
     uncertainty: Uncertainty | None,
     options: RefinementOptions,
     height_px: Float,
+    displacement: Displacement,
     *,
     tilt_known: bool,
-) -> tuple[dict[str, Any], list[str]]:
-    """Total rotation with its error bar, the ladder of models, leave-one-out; and what they say."""
+) -> tuple[dict[str, Any], list[str], Uncertainty | None]:
+    """Total rotation with its error bar, the ladder of models, leave-one-out; and what they say.
+
+    Returns
+    -------
+    figures, sentences, and the error bars with what the models disagree on
+
+    """
     solver = SolverOptions(
         loss=options.last_loss,
         loss_width=options.loss_width,
@@ -126,12 +158,10 @@ def reliability(
         absolute_tolerance=1e-2,
         max_iterations=options.max_iterations,
     )
-    sigma_deg, parts_deg = 0.0, {}
+    sigma_deg, parts_deg = 0.0, dict[str, float]()
     range_deg = float(np.rad2deg(total_rotation(np.asarray(refined.cameras.cam_from_world))))
     if uncertainty is not None:
         sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, uncertainty)))
-        parts = total_rotation_parts(refined, uncertainty)
-        parts_deg = {name: float(np.rad2deg(part)) for name, part in parts.items()}
     comparison = compare_models(
         refined.cameras,
         refined.observations,
@@ -152,6 +182,11 @@ def reliability(
         sigma_px=refined.sigma_px,
         solver=solver,
     )
+    if uncertainty is not None:
+        uncertainty = with_disagreement(uncertainty, refined, height_px, displacement, comparison)
+        sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, uncertainty)))
+        parts = total_rotation_parts(refined, uncertainty)
+        parts_deg = {name: float(np.rad2deg(part)) for name, part in parts.items()}
     notes = []
     if range_deg < SMALL_ROTATION_DEG:
         notes.append(
@@ -185,7 +220,7 @@ def reliability(
             "change_deg": jackknife.change_deg.tolist(),
             "jackknife_deg": jackknife.jackknife_deg,
         }
-    return figures, notes
+    return figures, notes, uncertainty
 
 
 def total_rotation_direction(refined: Refined, num_params: int) -> Float:
