@@ -92,7 +92,7 @@ def point_pulls(model: Any, to_truth: Any, truth: Any) -> dict[str, Any]:
     px = truth.scale_px_per_unit * to_truth.scale
     return {
         "point_pulls": (signed / sigma).tolist(),
-        "distance_pulls": (error / spread)[far].tolist(),
+        "distance_pulls": (error[far] / spread[far]).tolist(),
         "signed_median_px": float(px * np.median(signed)),
         "signed_spread_px": float(px * 1.4826 * np.median(np.abs(signed - np.median(signed)))),
         "point_sigma_px": float(px * np.median(sigma)),

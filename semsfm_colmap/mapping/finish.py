@@ -82,15 +82,16 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
     names = context.names_of(refined.images)
     height_px = context.height_px[refined.images]
     uncertainty = uncertainty_of(refined, height_px, part.displacement)
-    covariance = None if uncertainty is None else uncertainty.total
-    trust, notes = reliability(
+    trust, notes, uncertainty = reliability(
         refined,
         uncertainty,
         context.refinement,
         height_px,
         names,
+        part.displacement,
         tilt_known=context.tilt is not None,
     )
+    covariance = None if uncertainty is None else uncertainty.total
     cues = find_cues(context, refined, part.first)
     sign, reverse = decide_depth_sign(cues, context.refinement.min_depth_sign_confidence)
     sign, reverse = apply_user_word(sign, reverse, context.refinement.depth_sign)

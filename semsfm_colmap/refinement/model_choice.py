@@ -41,6 +41,8 @@ MAX_TRACKS = 1500
 """The comparison uses about so many tracks, spread evenly: it is about cameras, not points."""
 MIN_IMAGE_OBSERVATIONS = 150
 """Long series keep so many observations of each image, whatever number of tracks that takes."""
+MAX_BIC_SHARE = 1.1
+"""Without held-out residuals a rung is ruled out when its criterion is larger by more."""
 DISAGREEMENT_SIGMAS = 3.0
 """Models disagree when they differ by more than this many joint standard deviations."""
 MIN_DISAGREEMENT = 0.01
@@ -59,6 +61,9 @@ class ModelComparison:
     disagree: bool
     """True when that spread is more than their error bars"""
     message: str
+    disagreement: float = 0.0
+    """largest relative difference of the total rotation between a rung that is not ruled out and
+    the one with the magnifications' prior"""
     drift_px: Float | None = None
     """(M, 2) displacement of the last row against the first one, under the rung with drift"""
 
@@ -161,6 +166,14 @@ def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:
     least = min(rung.held_out_px for rung in rungs)
     alive = [r for r in rungs if not r.held_out_px > 1.05 * least]
     ranges = np.array([rung.range_deg for rung in alive])
+    written = next((r.range_deg for r in rungs if r.name == LADDER[1][0]), rungs[0].range_deg)
+    # without residuals that were held out, the criterion itself rules out
+    fits = [
+        r for r in alive if np.isfinite(r.held_out_px) or r.bic <= MAX_BIC_SHARE * abs(best.bic)
+    ]
+    disagreement = max(
+        (abs(r.range_deg - written) / max(written, 1e-12) for r in fits), default=0.0
+    )
     spread = float(np.ptp(ranges) / max(np.mean(ranges), 1e-12))
     limit = max(
         MIN_DISAGREEMENT, DISAGREEMENT_SIGMAS * range_sigma_deg / max(float(np.mean(ranges)), 1e-12)
@@ -180,4 +193,5 @@ def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:
         depth_uncertainty=spread,
         disagree=disagree,
         message=message,
+        disagreement=disagreement,
     )

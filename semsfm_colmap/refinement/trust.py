@@ -45,12 +45,15 @@ from semsfm_colmap.refinement.uncertainty import (
     field_modes,
     relief_sigma,
     shared_mode,
+    stretch_mode,
     surface_patches,
     with_modes,
     with_relief,
 )
 from semsfm_colmap.types import Float
 
+MAX_STRETCHED_RAD = np.deg2rad(170.0)
+"""A larger total rotation is fixed by the turn itself, whatever the camera model."""
 MIN_UNCERTAINTY = 0.01
 """A spread of the camera models below one percent is not worth a sentence."""
 
@@ -96,7 +99,8 @@ def uncertainty_of(
         modes["drag"] = DRAG_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, field)
     fields = shading_fields(R, normals, obs.image_idx, obs.track_idx)
     modes["shading"] = SHADING_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, fields)
-    found = with_modes(noise, modes, model, state, obs, sigma_px)
+    found = Uncertainty(noise=noise, total=noise)
+    found = with_modes(found, modes, model, state, obs, sigma_px)
     return with_relief(found, normals, relief_sigma(refined.points))
 
 
@@ -115,20 +119,47 @@ def displaced_state(
     return model, replace(state, params=undisplaced_params(model, refined.adjustment.state.params))
 
 
+def with_disagreement(
+    uncertainty: Uncertainty,
+    refined: Refined,
+    height_px: Float,
+    displacement: Displacement,
+    comparison: ModelComparison,
+) -> Uncertainty:
+    """The error bars with what the camera models that fit disagree on.
+
+    Beyond half a turn nothing is added: there the turn itself fixes the angles.
+    """
+    rotation = total_rotation(np.asarray(refined.cameras.cam_from_world))
+    share = comparison.disagreement
+    if not share > 0.0 or rotation > MAX_STRETCHED_RAD:
+        return uncertainty
+    model, state = displaced_state(refined, height_px, displacement)
+    mode = stretch_mode(model, refined.cameras, uncertainty.noise.cameras.gauge)
+    modes = {"models": share / np.sqrt(3.0) * mode[:, None]}
+    return with_modes(uncertainty, modes, model, state, refined.observations, refined.sigma_px)
+
+
 def reliability(
     refined: Refined,
     uncertainty: Uncertainty | None,
     options: RefinementOptions,
     height_px: Float,
     names: Sequence[str],
+    displacement: Displacement,
     *,
     tilt_known: bool,
-) -> tuple[Reliability, list[str]]:
+) -> tuple[Reliability, list[str], Uncertainty | None]:
     """Total rotation with its error bar, the ladder of models, leave-one-out; and what they say.
 
     Parameters
     ----------
     names : of the images registered
+    displacement : what was taken out of the observations
+
+    Returns
+    -------
+    figures, sentences, and the error bars with what the models disagree on
 
     """
     settings = BundleSettings.of(options, refined.sigma_px, comparing_solver(options))
@@ -136,8 +167,6 @@ def reliability(
     range_deg = float(np.rad2deg(total_rotation(np.asarray(refined.cameras.cam_from_world))))
     if uncertainty is not None:
         sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, uncertainty)))
-        parts = total_rotation_parts(refined, uncertainty)
-        parts_deg = {name: float(np.rad2deg(part)) for name, part in parts.items()}
     comparison = compare_models(
         refined.cameras,
         refined.observations,
@@ -148,6 +177,11 @@ def reliability(
     jackknife = leave_one_out(
         refined.cameras, thin_tracks(refined.observations, MAX_TRACKS), settings
     )
+    if uncertainty is not None:
+        uncertainty = with_disagreement(uncertainty, refined, height_px, displacement, comparison)
+        sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, uncertainty)))
+        parts = total_rotation_parts(refined, uncertainty)
+        parts_deg = {name: float(np.rad2deg(part)) for name, part in parts.items()}
     drift = largest_drift_px(comparison)
     figures = Reliability(
         total_rotation_deg=range_deg,
@@ -166,7 +200,8 @@ def reliability(
         ),
         scan_drift=ScanDriftFigures(largest_px=drift, best=comparison.best == DRIFT_RUNG),
     )
-    return figures, reliability_notes(figures, comparison, tilt_known=tilt_known)
+    notes = reliability_notes(figures, comparison, tilt_known=tilt_known)
+    return figures, notes, uncertainty
 
 
 def largest_drift_px(comparison: ModelComparison) -> float:

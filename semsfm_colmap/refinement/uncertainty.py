@@ -24,13 +24,17 @@ mode of a shared parameter is the movement of all others with it, ``C e_c / C_cc
 *shading*: other fields by which shading may displace observations q(n); their modes are the
 response of the adjustment to them, ``-C J^T w (q - A X_q)`` with X_q the points that suit q best.
 
+*models*: what the rungs of the ladder (`model_choice`) that the images do not rule out disagree on,
+as a stretch of all angles: their largest difference from the one that is written is the bound of a
+uniform distribution.
+
 Points have one more part of their own, *relief*, along their normals (`relief_sigma`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -38,11 +42,12 @@ import numpy as np
 from semsfm_colmap.geometry.eliminated import Eliminated, precision_of
 from semsfm_colmap.geometry.normals import nearest_neighbors
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
+from semsfm_colmap.geometry.rotations import nearest_rotation, vector_from_rotation
 from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.refinement.adjustment import PoseModel
 from semsfm_colmap.refinement.covariance import CameraCovariance, Covariance
 from semsfm_colmap.refinement.uncertainty_kernels import add_pull, fill_point_modes
-from semsfm_colmap.types import Float, Int, Observations
+from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
 
 NUM_PATCHES = 100
 """Patches of the surface: small enough to be many, large against what neighbours share."""
@@ -61,7 +66,7 @@ class Uncertainty:
     """Formal: of independent noise"""
     total: Covariance
     """Standard deviations and points with everything in them; `cameras` is the formal part"""
-    modes: Mapping[str, Float]
+    modes: Mapping[str, Float] = field(default_factory=dict)
     """For each name vectors (n, k) of the camera parameters, each a standard deviation"""
     relief_px: float = 0.0
     """Of each point by itself, along its normal"""
@@ -189,26 +194,42 @@ def point_modes(
 
 
 def with_modes(
-    noise: Covariance,
+    found: Uncertainty,
     modes: Mapping[str, Float],
     model: PoseModel[Any],
     state: Eliminated[Any],
     observations: Observations,
     sigma_px: float,
 ) -> Uncertainty:
-    """The formal covariance with the modes added to it."""
+    """More modes, added to all that they widen."""
     together = np.concatenate(list(modes.values()), axis=1)
     padded = np.concatenate([together, np.zeros((1, together.shape[1]))])
     extra = np.sum(padded[model.param_idx] ** 2, axis=2)  # (M, p)
     moved = point_modes(model, state, observations, sigma_px, together)
+    before = found.total
     total = replace(
-        noise,
-        sigma_rotation_rad=np.sqrt(noise.sigma_rotation_rad**2 + extra[:, :3]),
-        sigma_translation_px=np.sqrt(noise.sigma_translation_px**2 + extra[:, 4:6]),
-        sigma_scale=np.sqrt(noise.sigma_scale**2 + extra[:, 3]),
-        points=noise.points + moved @ moved.transpose(0, 2, 1),
+        before,
+        sigma_rotation_rad=np.sqrt(before.sigma_rotation_rad**2 + extra[:, :3]),
+        sigma_translation_px=np.sqrt(before.sigma_translation_px**2 + extra[:, 4:6]),
+        sigma_scale=np.sqrt(before.sigma_scale**2 + extra[:, 3]),
+        points=before.points + moved @ moved.transpose(0, 2, 1),
     )
-    return Uncertainty(noise=noise, total=total, modes=modes)
+    return replace(found, total=total, modes={**found.modes, **modes})
+
+
+def stretch_mode(model: PoseModel[Any], cameras: OrthographicCameras, N: Float) -> Float:
+    """All angles larger by their own size (n,): the rotation vectors against the mean image.
+
+    Parameters
+    ----------
+    N : (n, 6) orthonormal gauge, which is taken out
+
+    """
+    R = np.asarray(cameras.cam_from_world)
+    mean = nearest_rotation(R.sum(axis=0))
+    mode = np.zeros(len(N))
+    mode[model.param_idx[:, :3]] = vector_from_rotation(R @ mean.T)
+    return np.asarray(mode - N @ (N.T @ mode))
 
 
 def relief_sigma(points: Float, num_neighbors: int = 8) -> float:
