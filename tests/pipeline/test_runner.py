@@ -104,7 +104,7 @@ def test_a_changed_option_reruns_its_stage_and_those_after_it(project, small_ser
     config = Config()
     config = replace(config, refinement=replace(config.refinement, scale_sigma=0.002))
     reconstruct(small_series / "images", project, config)
-    assert spy.ran == ["map", "report"]
+    assert spy.ran == ["map", "densify", "mesh", "report"]
     assert read_config(project / "semsfm.toml") == config
 
 
