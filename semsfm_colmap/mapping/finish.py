@@ -39,6 +39,7 @@ RELIABILITY = (
     "best_model",
     "models",
     "leave_one_out",
+    "half_series",
     "scan_drift",
     "drift_px",
     "drag",

@@ -23,6 +23,7 @@ from semsfm_colmap.refinement.drag import (
     seen_normals,
     shading_fields,
 )
+from semsfm_colmap.refinement.half_series import half_series
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import (
     DRIFT_RUNG,
@@ -182,6 +183,15 @@ def reliability(
         sigma_px=refined.sigma_px,
         solver=solver,
     )
+    halves = half_series(
+        refined.cameras,
+        thin_tracks(refined.observations, 2 * MAX_TRACKS),
+        camera_model=options.camera_model,
+        scale_sigma=options.scale_sigma,
+        affine_sigma=options.affine_sigma,
+        sigma_px=refined.sigma_px,
+        solver=solver,
+    )
     if uncertainty is not None:
         uncertainty = with_disagreement(uncertainty, refined, height_px, displacement, comparison)
         sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, uncertainty)))
@@ -214,6 +224,8 @@ def reliability(
         "depth_uncertainty": comparison.depth_uncertainty,
         "scan_drift": {"largest_px": drift, "best": comparison.best == DRIFT_RUNG},
     }
+    if halves is not None:
+        figures["half_series"] = asdict(halves) | {"difference_deg": halves.difference_deg}
     if jackknife is not None:
         figures["leave_one_out"] = {
             "images": jackknife.images.tolist(),
