@@ -154,6 +154,16 @@ class LeftOut:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HalfSeries:
+    """Changes of the total rotation when half of the images are left out."""
+
+    odd_deg: float
+    even_deg: float
+    difference_deg: float
+    """between the halves; about twice the noise of the whole"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ScanDriftFigures:
     """The rung of the ladder with a drift within each frame."""
 
@@ -191,6 +201,7 @@ class Reliability:
     best_model: str
     models: tuple[Rung, ...]
     leave_one_out: LeftOut | None = None
+    half_series: HalfSeries | None = None
     scan_drift: ScanDriftFigures | None = None
     drift_px: Mapping[str, tuple[float, float]] | None = None
     """What was taken out of the observations of each image: displacement in x and y of the last row

@@ -38,7 +38,7 @@ MISFIT_PX = 1.0
 """At so small a rotation the coefficient is so uncertain, whatever its formal error."""
 DOUBT_SHARE = 0.25
 """Standard deviation of what the coefficient leaves, as a share of it: shading is no law."""
-DOUBT_FLOOR_PX = 0.15
+DOUBT_FLOOR_PX = 0.25
 """The same where it is zero."""
 SHADING_SIGMA_PX = 0.15
 """Standard deviation of each other field of the normal by which shading may displace features."""

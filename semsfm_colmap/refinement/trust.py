@@ -27,6 +27,7 @@ from semsfm_colmap.refinement.drag import (
     seen_normals,
     shading_fields,
 )
+from semsfm_colmap.refinement.half_series import half_series
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import (
     DRIFT_RUNG,
@@ -177,6 +178,9 @@ def reliability(
     jackknife = leave_one_out(
         refined.cameras, thin_tracks(refined.observations, MAX_TRACKS), settings
     )
+    halves = half_series(
+        refined.cameras, thin_tracks(refined.observations, 2 * MAX_TRACKS), settings
+    )
     if uncertainty is not None:
         uncertainty = with_disagreement(uncertainty, refined, height_px, displacement, comparison)
         sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, uncertainty)))
@@ -198,6 +202,7 @@ def reliability(
             change_deg=tuple(jackknife.change_deg.tolist()),
             jackknife_deg=jackknife.jackknife_deg,
         ),
+        half_series=halves,
         scan_drift=ScanDriftFigures(largest_px=drift, best=comparison.best == DRIFT_RUNG),
     )
     notes = reliability_notes(figures, comparison, tilt_known=tilt_known)

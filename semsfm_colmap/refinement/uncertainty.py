@@ -53,7 +53,7 @@ NUM_PATCHES = 100
 """Patches of the surface: small enough to be many, large against what neighbours share."""
 MIN_PATCH_POINTS = 8
 """Points that a patch holds at least, on the average."""
-RELIEF_PX = 1.0
+RELIEF_PX = 1.1
 """Standard deviation of a point along its normal on a smooth surface: where in the relief under its
 window it lies."""
 
