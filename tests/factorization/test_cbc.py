@@ -158,5 +158,5 @@ def test_where_wrong_blocks_hold_a_part_together_the_tied_images_are_factorized(
     assert len(part.images) == 12
     tied, found = factorize_most(part, wrong, FactorizationOptions(), np.random.default_rng(1))
     assert tied.images.tolist() == list(range(8))
-    error = best_hand_errors_deg(found.value[0].cam_from_world, s.cameras.cam_from_world[:8])
+    error = best_hand_errors_deg(found.value.cameras.cam_from_world, s.cameras.cam_from_world[:8])
     assert np.median(error) < 0.3

@@ -19,6 +19,7 @@ from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.pipeline.executor import ThreadExecutor
 from semsfm_colmap.pipeline.foreign.map_database import (
     in_acquisition_order,
     map_database,
@@ -67,14 +68,14 @@ def test_any_database_gives_the_cameras_back(case, tmp_path):
     (tmp_path / "in").mkdir()
     database = write(tmp_path / "in" / "d.db", content)
     before = bytes_of(tmp_path / "in")
-    summary = map_database(database, tmp_path / "out")
+    mapped = map_database(database, tmp_path / "out")
     assert bytes_of(tmp_path / "in") == before
     model = read_model(tmp_path / "out" / "0")
-    assert model.num_images == summary["num_images"] == 8
+    assert model.num_images == mapped.num_images == 8
     errors = errors_deg(model, content, tracks)
     # 0.2 px of noise on some 150 points an image: some hundredths of a degree, but never none
     assert 1e-4 < np.median(errors) < 0.05
-    assert summary["rms_px"] == pytest.approx(0.2, rel=0.25)
+    assert mapped.rms_px == pytest.approx(0.2, rel=0.25)
     # the model's ids are those of the database, so that COLMAP can go on with both
     ids = {
         i.name: i.image_id for i in pycolmap.Reconstruction(str(tmp_path / "out/0")).images.values()
@@ -221,7 +222,7 @@ def test_two_processes_on_one_folder_are_told_apart(tmp_path):
     # which does not make a project of it
     (tmp_path / "out" / "database.db").touch()
     with pytest.raises(UsageError, match="was not made by semsfm"):
-        check_output(Project(tmp_path / "out"))
+        check_output(Project(tmp_path / "out"), ["database.db"])
 
 
 def test_a_lock_can_be_held_by_one_only_whoever_comes_when(tmp_path):
@@ -304,7 +305,9 @@ def test_a_projects_own_matches_are_verified_as_the_project_did(small_project, t
         keypoints = [reader.xy(image_id) for image_id in ids]
         found = {
             (ids[g.image_pair[0]], ids[g.image_pair[1]]): g.keypoints[g.inlier]
-            for g in verify_database(reader, ids, keypoints, Config(), Reporter(-1))
+            for g in verify_database(
+                reader, ids, keypoints, Config(), Reporter(-1), ThreadExecutor(2)
+            )
             if g.F is not None
         }
     assert found.keys() == {pair for pair, rows in stored.items() if len(rows)}
