@@ -191,6 +191,10 @@ class PerspectiveFigures:
     """of the total rotation, against parallel projection"""
     used: bool
     """True when it was taken out of the observations"""
+    principal_offset_px: tuple[float, float] = (0.0, 0.0)
+    """of the place where the optical axis meets the images, from their middle"""
+    principal_sigma_px: float | None = None
+    """its standard deviation; None where the middle was taken"""
 
 
 @dataclass(frozen=True, kw_only=True)

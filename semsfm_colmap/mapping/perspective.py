@@ -23,6 +23,7 @@ from semsfm_colmap.refinement.adjustment import BundleSettings, comparing_solver
 from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.perspective import (
     PerspectiveFit,
+    find_principal_point,
     fit_perspective,
     without_perspective,
 )
@@ -35,6 +36,11 @@ from semsfm_colmap.refinement.refine import Refined, refine
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
 
 MAX_ROUNDS = 8
+PRINCIPAL_ROUNDS = (1, 3)
+"""Rounds after which the principal point is looked for: when most of the points are back."""
+PRINCIPAL_SHARE = 0.02
+"""Standard deviation of the principal point from the middle of an image, in widths: cameras and
+cropped images have 0.01 to 0.03."""
 SETTLED_SHARE = 0.002
 SETTLED_DEG = 0.005
 """Rounds end when kappa changes by a smaller share and the cameras turn by a smaller angle."""
@@ -107,6 +113,11 @@ def straighten(
         radius_px=final.radius_px,
         change_deg=rotation_deg(value) - rotation_deg(first),
     ).figures(used=True)
+    figures = replace(
+        figures,
+        principal_offset_px=found.principal_offset_px,
+        principal_sigma_px=found.principal_sigma_px,
+    )
     straight = replace(context.refinement, scale_sigma=final.scale_sigma)
     return Straight(
         context=replace(context, refinement=straight),
@@ -131,6 +142,9 @@ class Settling:
     """the inliers as they were seen"""
     fit: PerspectiveFit
     """of these"""
+    principal_offset_px: tuple[float, float]
+    """from the middle of the images"""
+    principal_sigma_px: float
 
 
 def settle_perspective(
@@ -142,7 +156,9 @@ def settle_perspective(
     rng: np.random.Generator,
 ) -> Settling | None:
     """Rounds until kappa and cameras stay; None where one leaves nothing."""
-    principal_px = principal_points(context)
+    middle = principal_points(context)
+    principal_sigma = PRINCIPAL_SHARE * float(np.mean(context.image_size_px[:, 0]))
+    offset_px, sigma_px = np.zeros(2), principal_sigma
     value, fit, moved = first, choice.fit, observations
     settling: Settling | None = None
     for k in range(MAX_ROUNDS):
@@ -151,7 +167,7 @@ def settle_perspective(
         view = Perspective(
             kappa=fit.kappa,
             centre=np.nanmedian(points, axis=0),
-            principal_px=principal_px[value.images],
+            principal_px=middle[value.images] + offset_px,
         )
         moved = moved_observations(observations, value.images, fit.cameras, points, view)
         refined = refine(
@@ -161,23 +177,25 @@ def settle_perspective(
             return None
         turned, value = camera_turn(value, refined), refined
         used = replace(value.observations, xy=observations.xy[value.inlier])
+        settings = BundleSettings.of(context.refinement, value.sigma_px, comparing_solver(options))
+        middle_px = middle[value.images]
         fit = fit_perspective(
-            value.cameras,
-            value.points,
-            used,
-            principal_px[value.images],
-            BundleSettings.of(context.refinement, value.sigma_px, comparing_solver(options)),
-            kappa=fit.kappa,
+            value.cameras, value.points, used, middle_px + offset_px, settings, kappa=fit.kappa
         )
+        if k in PRINCIPAL_ROUNDS:
+            point = find_principal_point(fit, used, middle_px, settings, principal_sigma)
+            offset_px, sigma_px, fit = point.offset_px, point.sigma_px, point.fit
         settling = Settling(
             refined=value,
             observations=moved,
-            perspective=replace(view, principal_px=principal_px[value.images]),
+            perspective=replace(view, principal_px=middle[value.images] + offset_px),
+            principal_offset_px=(float(offset_px[0]), float(offset_px[1])),
+            principal_sigma_px=sigma_px,
             used=used,
             fit=fit,
         )
         settled = abs(fit.kappa - view.kappa) < SETTLED_SHARE * abs(fit.kappa)
-        if k > 0 and settled and turned < np.deg2rad(SETTLED_DEG):
+        if k > 1 and settled and turned < np.deg2rad(SETTLED_DEG):
             break
     return settling
 

@@ -43,6 +43,13 @@ three radii. Wide: a few hundred observations know kappa a hundred times better.
 OFF_AXIS_SHARE = 0.5
 """Standard deviation of the way of the specimen's middle along the line of sight, in radii."""
 MAX_ROUNDS = 30
+PRINCIPAL_ROUNDS = 4
+KNOWN_SHARE = 0.5
+"""Of the prior: a principal point that would be less certain stays at its guess."""
+PROBE_SHARE = 0.3
+"""The cost is probed so far from a place, in standard deviations of the prior."""
+SETTLED_SHARE = 0.03
+"""The principal point is found when it moves by less, in the same."""
 SETTLED = 2e-6
 """The rounds end when kappa times the radius changes by less."""
 
@@ -227,6 +234,76 @@ def fit_perspective(
     assert fit is not None
     assert model is not None
     return PerspectiveFit(adjustment=fit, model=model, scale_sigma=scale_sigma)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PrincipalPoint:
+    """Where the optical axis meets the images, against a guess."""
+
+    offset_px: Float
+    """(2,)"""
+    sigma_px: float
+    """standard deviation of a coordinate, root mean square"""
+    fit: PerspectiveFit
+    """with the point there"""
+
+
+def find_principal_point(
+    start: PerspectiveFit,
+    observations: Observations,
+    principal_px: Float,
+    settings: BundleSettings,
+    prior_px: float,
+) -> PrincipalPoint:
+    """The shift of the principal points, common to all images, that suits the observations best.
+
+    To first order in kappa z a shift is a rotation common to all cameras, and leaves no trace; the
+    second order tells them apart where there is much perspective. The cost is profiled: Newton
+    steps on a quadratic through its values about a place, the prior among them. Where they would
+    not halve the error of the guess, it stays.
+
+    Parameters
+    ----------
+    start : of `observations`
+    principal_px : (M, 2) a guess
+    prior_px : standard deviation of its error
+
+    """
+
+    def at(offset: Float) -> PerspectiveFit:
+        return fit_perspective(
+            start.cameras,
+            start.adjustment.points,
+            observations,
+            principal_px + offset,
+            settings,
+            kappa=start.kappa,
+        )
+
+    place, variance = np.zeros(2), prior_px**2
+    step = np.eye(2) * PROBE_SHARE * prior_px
+    for _ in range(PRINCIPAL_ROUNDS):
+        middle = at(place).adjustment.state.cost
+        ahead = [at(place + d).adjustment.state.cost for d in step]
+        behind = [at(place - d).adjustment.state.cost for d in step]
+        across = at(place + step.sum(axis=0)).adjustment.state.cost
+        h = PROBE_SHARE * prior_px
+        gradient = (np.array(ahead) - behind) / (2.0 * h)
+        hessian = np.diag(np.array(ahead) + behind - 2.0 * middle) / h**2
+        mixed = (across - ahead[0] - ahead[1] + middle) / h**2
+        hessian[0, 1] = hessian[1, 0] = mixed
+        # a chi square: twice the inverse of its second derivative is the covariance
+        values, axes = np.linalg.eigh(hessian)
+        hessian = (axes * np.maximum(values, 0.0)) @ axes.T + 2.0 / prior_px**2 * np.eye(2)
+        variance = float(np.trace(np.linalg.inv(hessian)))
+        if np.sqrt(variance) > KNOWN_SHARE * prior_px:
+            return PrincipalPoint(offset_px=np.zeros(2), sigma_px=prior_px, fit=start)
+        move = -np.linalg.solve(hessian, gradient + 2.0 * place / prior_px**2)
+        move *= min(1.0, prior_px / max(float(np.linalg.norm(move)), 1e-300))
+        place = place + move
+        if np.linalg.norm(move) < SETTLED_SHARE * prior_px:
+            break
+    return PrincipalPoint(offset_px=place, sigma_px=float(np.sqrt(variance)), fit=at(place))
 
 
 def plain_model(num_images: int, scale_sigma: float) -> PoseModel[Any]:

@@ -115,8 +115,25 @@ def uncertainty_of(
         field = view.field(0.0, obs.image_idx, obs.track_idx)[:, :, None]
         effect = left_in.kappa * field_modes(model, state, obs, sigma_px, cameras, field)
         modes["perspective"] = PERSPECTIVE_SHARE * effect
-    found = with_modes(noise, modes, model, state, obs, sigma_px)
+    found = with_principal_point(
+        with_modes(noise, modes, model, state, obs, sigma_px), displacement
+    )
     return with_relief(found, normals, relief_sigma(refined.points))
+
+
+def with_principal_point(uncertainty: Uncertainty, displacement: Displacement) -> Uncertainty:
+    """The cameras' error bars with that of the place which perspective is about.
+
+    A shift of it turns all cameras alike, by kappa times the shift, about the image's axes: no
+    angle between them changes, nor does a point.
+    """
+    found = displacement.perspective
+    if found is None or found.principal_sigma_px is None:
+        return uncertainty
+    turn = found.kappa_per_px * found.principal_sigma_px
+    variance = uncertainty.total.sigma_rotation_rad**2 + turn**2 * np.array([1.0, 1.0, 0.0])
+    total = replace(uncertainty.total, sigma_rotation_rad=np.sqrt(variance))
+    return replace(uncertainty, total=total)
 
 
 def displaced_state(

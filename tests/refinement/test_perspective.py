@@ -10,6 +10,7 @@ from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import bundle_adjust
 from semsfm_colmap.refinement.perspective import (
     PerspectiveModel,
+    find_principal_point,
     fit_perspective,
     plain_model,
     without_perspective,
@@ -182,3 +183,24 @@ def test_three_images_and_few_points_are_no_ground_for_a_choice():
     s = scene(2e-4, num_images=3, num_tracks=60)
     few = np.full((3, 2), SIZE / 2)
     assert choose_perspective(s.cameras, s.observations, few, SETTINGS) is None
+
+
+def test_the_principal_point_is_found_where_there_is_much_perspective():
+    offset, prior = np.array([12.0, -8.0]), 20.0
+    s = scene(0.2 / RADIUS, num_images=8, range_deg=80.0, num_tracks=400, noise_px=0.1)
+    settings = replace(SETTINGS, sigma_px=0.1)
+    guess = np.full((8, 2), SIZE / 2) - offset
+    start = fit_perspective(*parallel(s), s.observations, guess, settings)
+    found = find_principal_point(start, s.observations, guess, settings, prior)
+    assert found.sigma_px < 0.5 * prior
+    assert np.linalg.norm(found.offset_px - offset) < 3.0 * found.sigma_px
+    assert found.fit.adjustment.state.cost < start.adjustment.state.cost
+
+
+def test_the_principal_point_stays_where_there_is_little():
+    s = scene(0.01 / RADIUS, num_images=8, num_tracks=300)
+    guess = np.full((8, 2), SIZE / 2)
+    start = fit_perspective(*parallel(s), s.observations, guess, SETTINGS)
+    found = find_principal_point(start, s.observations, guess, SETTINGS, 20.0)
+    assert not found.offset_px.any()
+    assert found.sigma_px == 20.0
