@@ -175,7 +175,7 @@ class DragFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class PerspectiveFigures:
-    """Perspective that a series has: rays that are not parallel, see docs/truth.md."""
+    """Perspective that a series has: rays that are not parallel, see docs/perspective.md."""
 
     kappa_per_px: float
     """inverse distance, in the hand that was chosen: an ordinary lens has a positive one"""

@@ -12,10 +12,11 @@ sees just this, and its distance from the specimen, in px.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from semsfm_colmap.geometry.rotations import MIRROR_Z
 from semsfm_colmap.types import Float, Int, OrthographicCameras
 
 MAX_DEPTH_CHANGE = 0.5
@@ -67,3 +68,15 @@ class Perspective:
         return np.asarray(
             (cameras.projection[image_idx] - pull) / (1.0 + self.change(z))[:, None, None]
         )
+
+    def reversed(self) -> Perspective:
+        """What the depth-reversed cameras and points have."""
+        return replace(self, kappa=-self.kappa, centre=MIRROR_Z @ self.centre)
+
+    def pinhole_translations(self, cameras: OrthographicCameras) -> Float:
+        """Translations (M, 3) of the pinholes of focal length 1 / kappa > 0 that see the same."""
+        s = np.asarray(cameras.scale_px_per_unit)
+        from_axis = np.asarray(cameras.translation_px) - self.principal_px
+        across = from_axis @ np.linalg.inv(cameras.K2).T / s[:, None]
+        along = 1.0 / (self.kappa * s) - cameras.viewing_direction @ self.centre
+        return np.column_stack([across, along])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from semsfm_colmap.geometry.perspective import Perspective
 from semsfm_colmap.geometry.rotations import MIRROR_Z, depth_reversed
 from semsfm_colmap.geometry.subset import take_exactly
 from semsfm_colmap.mapping.context import SeriesContext
@@ -45,6 +46,8 @@ class MappedPart:
     twin: Reconstruction | None
     """the depth-reversed model, where the evidence does not decide"""
     figures: PartFigures
+    view: Perspective | None = None
+    """perspective that was taken out of the observations, in the world of the reconstruction"""
 
     @property
     def moved(self) -> bool:
@@ -112,6 +115,7 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
     sign, reverse = decide_depth_sign(cues, context.refinement.min_depth_sign_confidence)
     sign, reverse = apply_user_word(sign, reverse, context.refinement.depth_sign)
     reconstruction = to_world(context, part, covariance, sign)
+    view = view_in_world(part, context.pixel_size_um or 1.0)
     if reverse:
         reconstruction = reversed_twin(reconstruction)
     displacement = part.displacement
@@ -129,6 +133,7 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
         )
     return MappedPart(
         reconstruction=reconstruction,
+        view=None if view is None else view.reversed() if reverse else view,
         twin=reversed_twin(reconstruction) if sign.status == "ambiguous" else None,
         figures=PartFigures(
             rounds=part.first.rounds,
@@ -227,6 +232,18 @@ def in_world(
     )
     turned = None if covariance is None else factor**2 * (R0 @ covariance @ R0.T)
     return moved, (points - centre) @ R0.T * factor, turned
+
+
+def view_in_world(part: Settled, unit_per_px: float) -> Perspective | None:
+    """The perspective that was taken out, about its place in the world that is written."""
+    view, refined = part.displacement.view, part.refined
+    if view is None:
+        return None
+    moved = in_world(refined.cameras, np.vstack([refined.points, view.centre]), None, unit_per_px)[
+        1
+    ]
+    # `in_world` takes the mean off, which is that of the points alone
+    return replace(view, centre=moved[-1] - moved[:-1].mean(axis=0))
 
 
 def reversed_twin(reconstruction: Reconstruction) -> Reconstruction:

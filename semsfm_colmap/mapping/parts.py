@@ -150,9 +150,7 @@ def map_part(
         displacement = guided.displacement
     if straight is not None:
         displacement = replace(
-            displacement,
-            perspective=straight.figures,
-            principal_px=straight.perspective.principal_px,
+            displacement, perspective=straight.figures, view=straight.perspective
         )
     value, agreement, notes = with_known_tilt(context, value, displacement)
     gap = first.start.figures.eigenvalue_gap

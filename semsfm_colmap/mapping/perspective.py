@@ -44,6 +44,9 @@ cropped images have 0.01 to 0.03."""
 SETTLED_SHARE = 0.002
 SETTLED_DEG = 0.005
 """Rounds end when kappa changes by a smaller share and the cameras turn by a smaller angle."""
+NOTED_SHARE = 0.1
+"""Perspective left in the observations is worth a sentence if it changes the total rotation by such
+a share of its standard deviation."""
 MIN_KEPT_SHARE = 0.9
 """Perspective is not taken out if fewer observations fit after it than this share."""
 TRIANGULATION_PX = 8.0
@@ -90,6 +93,8 @@ def straighten(
     observations : of the whole series, as they were seen
 
     """
+    if context.refinement.perspective == "off":
+        return None
     choice = judge_perspective(context, first)
     if choice is None or not choice.clear:
         return None
@@ -255,9 +260,9 @@ def moved_observations(
 
 def perspective_notes(figures: PerspectiveFigures | None, sigma_deg: float) -> list[str]:
     """What to say of the perspective of a part; `sigma_deg` of the total rotation."""
-    if figures is None:
-        return []
     f = figures
+    if f is None or not (f.used or abs(f.change_deg) > NOTED_SHARE * sigma_deg):
+        return []
     size = (
         f"the rays are not parallel: the images look as if seen from {abs(f.distance_px):.0f} px "
         f"({abs(f.distance_radii):.1f} radii of the specimen), which moves points by up to "

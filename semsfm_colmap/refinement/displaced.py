@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from semsfm_colmap.geometry.perspective import Perspective
 from semsfm_colmap.records import DragFigures, PerspectiveFigures
 from semsfm_colmap.refinement.adjustment import BundleSettings, PoseModel
 from semsfm_colmap.refinement.bundle import BundleModel, adjust
@@ -46,8 +47,8 @@ class Displacement:
     """Its standard deviation if all observations erred independently"""
     perspective: PerspectiveFigures | None = None
     """None where none was found, or not so much that it was taken out"""
-    principal_px: Float | None = None
-    """(M, 2) what it is about, where it was taken out"""
+    view: Perspective | None = None
+    """what was taken out, in the world of the cameras"""
 
     def drag_figures(self, *, reverse: bool) -> DragFigures | None:
         """The coefficient with its standard deviations; None where it was not sought.

@@ -146,7 +146,7 @@ def displaced_state(
         refined,
         drift_sigma_px=displacement.drift_sigma_px,
         drag_sigma_px=displacement.drag_prior_px,
-        principal_px=displacement.principal_px,
+        principal_px=None if displacement.view is None else displacement.view.principal_px,
     )
     state: Eliminated[Any] = refined.adjustment.state
     return model, replace(state, params=undisplaced_params(model, refined.adjustment.state.params))

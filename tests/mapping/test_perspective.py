@@ -80,3 +80,36 @@ def test_parallel_rays_stay_as_they_are():
         part.reconstruction.cameras.cam_from_world, s.cameras.cam_from_world
     )
     assert np.sqrt(np.mean(error**2)) < 0.1
+
+
+def test_pinholes_of_that_focal_length_see_what_was_seen(turntable):
+    s, part = turntable
+    r, view = part.reconstruction, part.view
+    obs = r.observations.select(r.inlier)
+    T = view.pinhole_translations(r.cameras)[obs.image_idx]
+    R = np.asarray(r.cameras.cam_from_world)[obs.image_idx]
+    cam = np.einsum("oij,oj->oi", R, r.points[obs.track_idx]) + T
+    assert (cam[:, 2] > 0).all()
+    pinhole = cam[:, :2] / cam[:, 2:] / view.kappa + view.principal_px[obs.image_idx]
+    seen = np.zeros((len(s.observations), 2))
+    seen[s.observations.keypoint_idx] = s.observations.xy
+    error = pinhole - seen[obs.keypoint_idx]
+    assert np.sqrt(np.mean(error**2)) < 0.32
+
+
+def test_perspective_that_is_left_in_is_named_and_in_the_error_bar():
+    s = scene(0.002 / RADIUS, num_images=9, range_deg=60.0, num_tracks=600, body="field")
+    options = RefinementOptions(perspective="off")
+    (part,) = map_observations(
+        s.observations,
+        tuple(f"{i:02}.png" for i in range(9)),
+        np.full((9, 2), int(SIZE)),
+        factorization=FactorizationOptions(),
+        refinement=options,
+    ).value
+    trust = part.figures.reliability
+    assert not trust.perspective.used
+    assert abs(trust.perspective.kappa_per_px) == pytest.approx(0.002 / RADIUS, rel=0.1)
+    share = trust.total_rotation_sigma_parts_deg["perspective"] / abs(trust.perspective.change_deg)
+    assert 0.25 < share < 1.0
+    assert part.view is None

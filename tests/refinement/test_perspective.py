@@ -16,7 +16,7 @@ from semsfm_colmap.refinement.perspective import (
     without_perspective,
 )
 from semsfm_colmap.refinement.perspective_choice import choose_perspective, kappa_sigma
-from semsfm_colmap.synthetic.tracks import simulate_tracks
+from semsfm_colmap.synthetic.tracks import seen_in_perspective, simulate_tracks
 from tests.alignment import best_hand_errors_deg
 from tests.oracles.geometry import numeric_jacobian
 
@@ -36,17 +36,13 @@ def scene(
         rng=np.random.default_rng(seed),
         **more,
     )
-    obs, view = s.observations, looking(kappa, num_images, centre)
-    X = s.points[obs.track_idx]
-    q = s.cameras.project(X, obs.image_idx)
-    seen = view.seen(q, view.depth(s.cameras, X, obs.image_idx), obs.image_idx)
-    return replace(s, observations=replace(obs, xy=obs.xy + seen - q))
+    return seen_in_perspective(s, kappa, SIZE / 2, centre)
 
 
-def looking(kappa, num_images, centre=(0, 0, 0)):
+def looking(kappa, num_images):
     return Perspective(
         kappa=kappa,
-        centre=np.array(centre, dtype=float),
+        centre=np.zeros(3),
         principal_px=np.full((num_images, 2), SIZE / 2),
     )
 
