@@ -3,7 +3,8 @@
 Perspective is found where the Bayesian information criterion and residuals at observations that the
 fit has not seen speak for it, against cameras that have as much freedom of magnification, and kappa
 is many of its standard deviations, clustered errors and confusion with drag in them. It is used,
-that is taken out of the observations, where the residuals fall as clearly as rules a rung out.
+that is taken out of the observations, where the residuals fall as clearly as rules a rung out, or
+where kappa is beyond doubt and changes the total rotation.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from semsfm_colmap.refinement.covariance import camera_covariance
 from semsfm_colmap.refinement.drag import MIN_POINTS
 from semsfm_colmap.refinement.model_choice import (
     MAX_TRACKS,
+    MIN_DISAGREEMENT,
     held_out_mask,
     thin_tracks,
     total_rotation,
@@ -39,6 +41,8 @@ MIN_SIGMAS = 5.0
 """kappa is found when it is so many of its standard deviations."""
 MIN_BIC_GAIN = 10.0
 """Very strong evidence on the usual scale (Kass and Raftery 1995)."""
+CERTAIN_SIGMAS = 10.0
+"""So many are no chance; whether they matter, the total rotation says."""
 CLEAR_FALL = 1.05
 """The factor of held-out residuals that rules out a rung of the ladder."""
 
@@ -58,7 +62,7 @@ class PerspectiveChoice:
     """of the total rotation, against the plain rung with the drag beside it"""
     found: bool
     clear: bool
-    """found, and the residuals fall so far that parallel projection is ruled out"""
+    """found, and parallel projection is ruled out, or wrong by more than a percent"""
     fit: PerspectiveFit
 
     def figures(self, *, used: bool) -> PerspectiveFigures:
@@ -116,14 +120,18 @@ def choose_perspective(
         and own.held_out_px < least
         and abs(fit.kappa) > MIN_SIGMAS * sigma
     )
+    change_deg = own.range_deg - others[0].range_deg
+    certain = abs(fit.kappa) > CERTAIN_SIGMAS * sigma
+    matters = abs(change_deg) > MIN_DISAGREEMENT * own.range_deg
+    falls = CLEAR_FALL * own.held_out_px < least
     return PerspectiveChoice(
         rung=rung_of(alone.adjustment, kept, alone.residuals(held)),
         kappa=fit.kappa,
         sigma=sigma,
         radius_px=fit.radius_px,
-        change_deg=own.range_deg - others[0].range_deg,
+        change_deg=change_deg,
         found=found,
-        clear=found and CLEAR_FALL * own.held_out_px < least,
+        clear=found and (falls or (certain and matters)),
         fit=fit,
     )
 
