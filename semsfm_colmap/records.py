@@ -184,6 +184,30 @@ class DragFigures:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PerspectiveFigures:
+    """Perspective that a series has: rays that are not parallel, see docs/perspective.md."""
+
+    kappa_per_px: float
+    """inverse distance, in the hand that was chosen: an ordinary lens has a positive one"""
+    sigma_per_px: float
+    """its standard deviation"""
+    distance_px: float
+    """from the specimen, signed; the focal length of a pinhole camera that sees this"""
+    distance_radii: float
+    """the same in radii (root mean square) of the specimen"""
+    deviation_px: float
+    """from parallel projection at one radius in depth and one beside the axis"""
+    change_deg: float
+    """of the total rotation, against parallel projection"""
+    used: bool
+    """True when it was taken out of the observations"""
+    principal_offset_px: tuple[float, float] = (0.0, 0.0)
+    """of the place where the optical axis meets the images, from their middle"""
+    principal_sigma_px: float | None = None
+    """its standard deviation; None where the middle was taken"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Reliability:
     """How far to trust a model as a whole; in orthographic.json, metrics.json and run.json."""
 
@@ -191,11 +215,14 @@ class Reliability:
     total_rotation_sigma_deg: float
     """with everything in it"""
     total_rotation_sigma_parts_deg: Mapping[str, float] | None = None
-    """by cause: noise, clustered, drag, shading; None where no error bars can be given"""
+    """by cause: noise, clustered, drag, shading, perspective where it was found and not taken out;
+    None where no error bars can be given"""
     relief_px: float | None = None
     """Standard deviation of each point by itself along its normal, in the points' covariances."""
     drag: DragFigures | None = None
     """What was taken out of the observations for the shading, see docs/truth.md."""
+    perspective: PerspectiveFigures | None = None
+    """None where none was found"""
     depth_uncertainty: float
     """relative spread of the total rotation over the camera models that fit"""
     best_model: str

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from semsfm_colmap.geometry.perspective import Perspective
 from semsfm_colmap.geometry.rotations import MIRROR_Z, depth_reversed
 from semsfm_colmap.geometry.subset import take_exactly
 from semsfm_colmap.mapping.context import SeriesContext
 from semsfm_colmap.mapping.drift import drag_notes
 from semsfm_colmap.mapping.guided import Guided
+from semsfm_colmap.mapping.perspective import judge_perspective, perspective_notes
 from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import CueFigures, Diagnostics, PartFigures, StartFigures, TiltAgreement
 from semsfm_colmap.refinement.covariance import Covariance
@@ -44,6 +46,14 @@ class MappedPart:
     twin: Reconstruction | None
     """the depth-reversed model, where the evidence does not decide"""
     figures: PartFigures
+    view: Perspective | None = None
+    """perspective that was taken out of the observations, in the world of the reconstruction"""
+
+    @property
+    def moved(self) -> bool:
+        """True when the observations lie beside the keypoints that they are."""
+        perspective = self.figures.reliability.perspective
+        return not self.guided and perspective is not None and perspective.used
 
     @property
     def guided(self) -> bool:
@@ -81,7 +91,13 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
     refined = part.refined
     names = context.names_of(refined.images)
     height_px = context.height_px[refined.images]
-    uncertainty = uncertainty_of(refined, height_px, part.displacement)
+    choice = None
+    if part.displacement.perspective is None:
+        choice = judge_perspective(context, refined)
+    found = choice if choice is not None and choice.found else None
+    uncertainty = uncertainty_of(
+        refined, height_px, part.displacement, None if found is None else found.fit
+    )
     trust, notes, uncertainty = reliability(
         refined,
         uncertainty,
@@ -90,17 +106,27 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
         names,
         part.displacement,
         tilt_known=context.tilt is not None,
+        further=() if found is None else (found.rung,),
     )
     covariance = None if uncertainty is None else uncertainty.total
+    if choice is not None and found is None:
+        # listed, but of no weight
+        trust = replace(trust, models=(*trust.models, choice.rung))
     cues = find_cues(context, refined, part.first)
     sign, reverse = decide_depth_sign(cues, context.refinement.min_depth_sign_confidence)
     sign, reverse = apply_user_word(sign, reverse, context.refinement.depth_sign)
     reconstruction = to_world(context, part, covariance, sign)
+    view = view_in_world(part, context.pixel_size_um or 1.0)
     if reverse:
         reconstruction = reversed_twin(reconstruction)
-    guided, drag = part.guided, part.displacement.drag_figures(reverse=reverse)
+    displacement = part.displacement
+    if found is not None:
+        displacement = replace(displacement, perspective=found.figures(used=False))
+    guided, drag = part.guided, displacement.drag_figures(reverse=reverse)
+    perspective = displacement.perspective_figures(reverse=reverse)
+    trust = replace(trust, perspective=perspective)
     if guided is not None:
-        drift = part.displacement.drift_px.tolist()
+        drift = displacement.drift_px.tolist()
         trust = replace(
             trust,
             drift_px={name: (a, b) for name, (a, b) in zip(names, drift, strict=True)},
@@ -108,6 +134,7 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
         )
     return MappedPart(
         reconstruction=reconstruction,
+        view=None if view is None else view.reversed() if reverse else view,
         twin=reversed_twin(reconstruction) if sign.status == "ambiguous" else None,
         figures=PartFigures(
             rounds=part.first.rounds,
@@ -119,7 +146,12 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
                 guided=None if guided is None else guided.figures,
                 tilt=part.tilt,
             ),
-            notes=(*part.notes, *notes, *drag_notes(drag)),
+            notes=(
+                *part.notes,
+                *notes,
+                *drag_notes(drag),
+                *perspective_notes(perspective, trust.total_rotation_sigma_deg),
+            ),
         ),
     )
 
@@ -201,6 +233,18 @@ def in_world(
     )
     turned = None if covariance is None else factor**2 * (R0 @ covariance @ R0.T)
     return moved, (points - centre) @ R0.T * factor, turned
+
+
+def view_in_world(part: Settled, unit_per_px: float) -> Perspective | None:
+    """The perspective that was taken out, about its place in the world that is written."""
+    view, refined = part.displacement.view, part.refined
+    if view is None:
+        return None
+    moved = in_world(refined.cameras, np.vstack([refined.points, view.centre]), None, unit_per_px)[
+        1
+    ]
+    # `in_world` takes the mean off, which is that of the points alone
+    return replace(view, centre=moved[-1] - moved[:-1].mean(axis=0))
 
 
 def reversed_twin(reconstruction: Reconstruction) -> Reconstruction:

@@ -26,6 +26,8 @@ def append_keypoints(
     result = []
     for part in parts:
         if not part.guided:
+            if part.moved:
+                extended |= moved_keypoints(part, extended)
             result.append(part)
             continue
         obs = part.reconstruction.observations
@@ -44,6 +46,17 @@ def append_keypoints(
             )
         )
     return result, extended
+
+
+def moved_keypoints(part: MappedPart, keypoints: Mapping[str, Float]) -> dict[str, Float]:
+    """The keypoints of a part's images, those observed where parallel projection shows them."""
+    r = part.reconstruction
+    moved = {}
+    for i, name in enumerate(r.image_names):
+        rows = np.flatnonzero(r.observations.image_idx == i)
+        moved[name] = np.array(keypoints[name], dtype=np.float64)
+        moved[name][r.observations.keypoint_idx[rows], :2] = r.observations.xy[rows]
+    return moved
 
 
 def guided_matches(parts: Sequence[MappedPart], min_num_matches: int) -> dict[tuple[str, str], Int]:

@@ -6,7 +6,7 @@ Pure: nothing is read or written here. A series that falls into parts gives one 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from semsfm_colmap.mapping.context import Guide, SeriesContext, silent
 from semsfm_colmap.mapping.drift import drift_notes
 from semsfm_colmap.mapping.finish import MappedPart, Settled, finish
 from semsfm_colmap.mapping.guided import Guided, refine_guided
+from semsfm_colmap.mapping.perspective import straighten
 from semsfm_colmap.mapping.tilt import with_known_tilt
 from semsfm_colmap.motion.prior import TiltPrior, known_tilts
 from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
@@ -138,11 +139,19 @@ def map_part(
             diagnostics=begun.diagnostics,
         )
     first = begun.value
-    guided = guide_part(context, first, rng)
+    straight = straighten(context, first.refined, first.observations, rng=rng)
+    if straight is not None:
+        context = straight.context
+        first = replace(first, refined=straight.refined, observations=straight.observations)
+    guided = None if straight is not None else guide_part(context, first, rng)
     value = first.refined if guided is None else guided.refined
     displacement = Displacement.none(len(value.images))
     if guided is not None:
         displacement = guided.displacement
+    if straight is not None:
+        displacement = replace(
+            displacement, perspective=straight.figures, view=straight.perspective
+        )
     value, agreement, notes = with_known_tilt(context, value, displacement)
     gap = first.start.figures.eigenvalue_gap
     if gap is not None and gap < WEAK_GAP:

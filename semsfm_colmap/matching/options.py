@@ -12,7 +12,7 @@ class MatchingOptions:
 
     pairs: Literal["auto", "exhaustive", "sequential"] = "auto"
     """auto: exhaustive up to `max_exhaustive_images`, else neighbours in the sequence."""
-    max_exhaustive_images: int = 14
+    max_exhaustive_images: int = 16
     """Up to so many images all pairs are matched."""
     overlap: int = 6
     """How many following images each image is matched with in a sequence."""

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from semsfm_colmap.mapping.context import Guide
     from semsfm_colmap.mapping.finish import MappedPart
 
+PERSPECTIVE_FOLDER = "perspective"
+"""In a model's folder: the model with the perspective that was taken out, for COLMAP."""
 TWIN_NOTE = "{}/1 holds the depth-reversed twin of {}/0"
 
 
@@ -83,7 +85,15 @@ def map_series(
     parts, keypoints = append_keypoints(solution.value, matched.keypoints)
     if write_guided is not None:
         write_guided(keypoints, parts)
-    models = write_parts(parts, sparse_path, matched.database_images, keypoints, config, image_path)
+    models = write_parts(
+        parts,
+        sparse_path,
+        matched.database_images,
+        keypoints,
+        matched.keypoints,
+        config,
+        image_path,
+    )
     figures, r = parts[0].figures, parts[0].reconstruction
     notes = (
         r.depth_sign.message,
@@ -117,12 +127,19 @@ def write_parts(
     sparse_path: Path,
     database_images: Mapping[str, DatabaseImage],
     keypoints: Mapping[str, Float],
+    measured: Mapping[str, Float],
     config: Config,
     image_path: Path | None,
 ) -> list[ModelEntry]:
-    """Write every part and its twin as a model of its own, numbered from 0; what was written."""
+    """Write every part and its twin as a model of its own, numbered from 0; what was written.
+
+    Parameters
+    ----------
+    keypoints, measured : of each image as the observations are, and as they were measured
+
+    """
     from semsfm_colmap.colmap.model.colors import point_colors
-    from semsfm_colmap.colmap.model.sparse import write_model
+    from semsfm_colmap.colmap.model.sparse import write_model, write_perspective_model
 
     models: list[ModelEntry] = []
     for k, part in enumerate(parts):
@@ -139,6 +156,14 @@ def write_parts(
                 config.export,
                 reliability=known_only(part.figures.reliability),
             )
+            if part.view is not None and kind == "model" and part.view.kappa > 0.0:
+                write_perspective_model(
+                    replace(reconstruction, point_color=color),
+                    part.view,
+                    sparse_path / str(number) / PERSPECTIVE_FOLDER,
+                    database_images,
+                    measured,
+                )
             models.append(
                 ModelEntry(
                     model=f"{sparse_path.name}/{number}",

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.records import DragFigures
+from semsfm_colmap.geometry.perspective import Perspective
+from semsfm_colmap.records import DragFigures, PerspectiveFigures
 from semsfm_colmap.refinement.adjustment import BundleSettings, PoseModel
 from semsfm_colmap.refinement.bundle import BundleModel, adjust
 from semsfm_colmap.refinement.covariance import camera_covariance
@@ -19,6 +20,7 @@ from semsfm_colmap.refinement.drag import (
     seen_normals,
 )
 from semsfm_colmap.refinement.model_choice import total_rotation
+from semsfm_colmap.refinement.perspective import PerspectiveModel
 from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.scan_drift import ScanDriftModel, without_drift
 from semsfm_colmap.refinement.uncertainty import clustered_modes, shared_mode, surface_patches
@@ -43,6 +45,10 @@ class Displacement:
     """The part of it that neither noise nor what patches err in together explains"""
     drag_formal_px: float = 0.0
     """Its standard deviation if all observations erred independently"""
+    perspective: PerspectiveFigures | None = None
+    """None where none was found, or not so much that it was taken out"""
+    view: Perspective | None = None
+    """what was taken out, in the world of the cameras"""
 
     def drag_figures(self, *, reverse: bool) -> DragFigures | None:
         """The coefficient with its standard deviations; None where it was not sought.
@@ -55,6 +61,18 @@ class Displacement:
             coefficient_px=-self.drag_px if reverse else self.drag_px,
             sigma_px=self.drag_sigma_px,
             formal_sigma_px=self.drag_formal_px,
+        )
+
+    def perspective_figures(self, *, reverse: bool) -> PerspectiveFigures | None:
+        """What was found, its sign that of the hand."""
+        found = self.perspective
+        if found is None or not reverse:
+            return found
+        return replace(
+            found,
+            kappa_per_px=-found.kappa_per_px,
+            distance_px=-found.distance_px,
+            distance_radii=-found.distance_radii,
         )
 
     @classmethod
@@ -70,11 +88,14 @@ def displacing_model(
     *,
     drift_sigma_px: float,
     drag_sigma_px: float,
+    principal_px: Float | None = None,
 ) -> PoseModel[Any]:
-    """Drift and drag around a model, each where its prior is above 0."""
+    """Drift and drag around a model, each where its prior is above 0; perspective about a point."""
     model: PoseModel[Any] = base
     if drift_sigma_px > 0.0:
         model = ScanDriftModel.build(base, drift_sigma_px, height_px)
+    if principal_px is not None:
+        model = PerspectiveModel.build(model, refined.cameras, refined.points, principal_px)
     if drag_sigma_px > 0.0:
         model = DragModel(
             base=model,
@@ -86,8 +107,8 @@ def displacing_model(
 
 
 def undisplaced_params(model: PoseModel[Any], cameras: Any) -> Any:
-    """The parameters of a model with these cameras, no drift and no drag."""
-    if isinstance(model, DragModel):
+    """The parameters of a model with these cameras, no drift, no drag, no perspective."""
+    if isinstance(model, DragModel | PerspectiveModel):
         return undisplaced_params(model.base, cameras), 0.0
     if isinstance(model, ScanDriftModel):
         return cameras, np.zeros((len(model.height_px), 2))

@@ -111,6 +111,7 @@ def compare_models(
     *,
     range_sigma_rad: float = 0.0,
     height_px: Float | None = None,
+    further: tuple[Rung, ...] = (),
 ) -> ModelComparison:
     """Fit every rung of the ladder and compare.
 
@@ -121,6 +122,7 @@ def compare_models(
     settings : priors, noise and search; each rung has a camera model of its own
     range_sigma_rad : error bar of the total rotation under the chosen model
     height_px : (M,) heights of the images; without them drift within the frames is not tried
+    further : rungs that were fitted elsewhere to as many of the tracks
 
     """
     obs = thin_tracks(observations, MAX_TRACKS)
@@ -156,7 +158,7 @@ def compare_models(
         assert drifting.value is not None
         drift = drifting.value.state.params[1]
         rungs.append(rung(DRIFT_RUNG, drifting.value))
-    return replace(judge(tuple(rungs), np.rad2deg(range_sigma_rad)), drift_px=drift)
+    return replace(judge((*rungs, *further), np.rad2deg(range_sigma_rad)), drift_px=drift)
 
 
 def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:

@@ -45,6 +45,9 @@ class RefinementOptions:
     """Prior of the drag, by which shading pulls features down the slopes: standard deviation of its
     coefficient, px. After a guided pass it is estimated and taken out of the observations; 0:
     neither is done."""
+    perspective: Literal["auto", "off"] = "auto"
+    """Rays that are not parallel. auto: where they show clearly, observations are given as parallel
+    projection would show them; off: they are only named."""
     loss: Literal["squared", "huber", "cauchy"] = "cauchy"
     """Loss of the bundle adjustments while wrong observations are still being filtered."""
     last_loss: Literal["squared", "huber", "cauchy"] = "squared"

@@ -11,7 +11,7 @@ import numpy as np
 from semsfm_colmap.geometry.eliminated import Eliminated
 from semsfm_colmap.geometry.rotations import vector_from_rotation
 from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
-from semsfm_colmap.records import LeftOut, Reliability, ScanDriftFigures
+from semsfm_colmap.records import LeftOut, Reliability, Rung, ScanDriftFigures
 from semsfm_colmap.refinement.adjustment import BundleSettings, PoseModel, comparing_solver
 from semsfm_colmap.refinement.covariance import Covariance, estimate_covariance
 from semsfm_colmap.refinement.displaced import (
@@ -39,6 +39,7 @@ from semsfm_colmap.refinement.model_choice import (
     widest_pair,
 )
 from semsfm_colmap.refinement.options import RefinementOptions
+from semsfm_colmap.refinement.perspective import PerspectiveFit, PerspectiveModel
 from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.uncertainty import (
     Uncertainty,
@@ -55,6 +56,8 @@ from semsfm_colmap.types import Float
 
 MAX_STRETCHED_RAD = np.deg2rad(170.0)
 """A larger total rotation is fixed by the turn itself, whatever the camera model."""
+PERSPECTIVE_SHARE = 0.5
+"""Standard deviation of what perspective does that was not taken out, as a share of it."""
 MIN_UNCERTAINTY = 0.01
 """A spread of the camera models below one percent is not worth a sentence."""
 
@@ -77,9 +80,18 @@ def covariance_of(
 
 
 def uncertainty_of(
-    refined: Refined, height_px: Float, displacement: Displacement
+    refined: Refined,
+    height_px: Float,
+    displacement: Displacement,
+    left_in: PerspectiveFit | None = None,
 ) -> Uncertainty | None:
-    """Error bars of a refined model in full, in parts; None where something is not determined."""
+    """Error bars of a refined model in full, in parts; None where something is not determined.
+
+    Parameters
+    ----------
+    left_in : perspective that was found but not taken out of the observations
+
+    """
     model, state = displaced_state(refined, height_px, displacement)
     obs, sigma_px = refined.observations, refined.sigma_px
     noise = estimate_covariance(model, state, obs, sigma_px).value
@@ -100,9 +112,32 @@ def uncertainty_of(
         modes["drag"] = DRAG_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, field)
     fields = shading_fields(R, normals, obs.image_idx, obs.track_idx)
     modes["shading"] = SHADING_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, fields)
+    if left_in is not None:
+        view = PerspectiveModel.build(
+            model, refined.cameras, refined.points, left_in.model.principal_px
+        )
+        field = view.field(0.0, obs.image_idx, obs.track_idx)[:, :, None]
+        effect = left_in.kappa * field_modes(model, state, obs, sigma_px, cameras, field)
+        modes["perspective"] = PERSPECTIVE_SHARE * effect
     found = Uncertainty(noise=noise, total=noise)
     found = with_modes(found, modes, model, state, obs, sigma_px)
+    found = with_principal_point(found, displacement)
     return with_relief(found, normals, relief_sigma(refined.points))
+
+
+def with_principal_point(uncertainty: Uncertainty, displacement: Displacement) -> Uncertainty:
+    """The cameras' error bars with that of the place which perspective is about.
+
+    A shift of it turns all cameras alike, by kappa times the shift, about the image's axes: no
+    angle between them changes, nor does a point.
+    """
+    found = displacement.perspective
+    if found is None or found.principal_sigma_px is None:
+        return uncertainty
+    turn = found.kappa_per_px * found.principal_sigma_px
+    variance = uncertainty.total.sigma_rotation_rad**2 + turn**2 * np.array([1.0, 1.0, 0.0])
+    total = replace(uncertainty.total, sigma_rotation_rad=np.sqrt(variance))
+    return replace(uncertainty, total=total)
 
 
 def displaced_state(
@@ -115,6 +150,7 @@ def displaced_state(
         refined,
         drift_sigma_px=displacement.drift_sigma_px,
         drag_sigma_px=displacement.drag_prior_px,
+        principal_px=None if displacement.view is None else displacement.view.principal_px,
     )
     state: Eliminated[Any] = refined.adjustment.state
     return model, replace(state, params=undisplaced_params(model, refined.adjustment.state.params))
@@ -150,6 +186,7 @@ def reliability(
     displacement: Displacement,
     *,
     tilt_known: bool,
+    further: tuple[Rung, ...] = (),
 ) -> tuple[Reliability, list[str], Uncertainty | None]:
     """Total rotation with its error bar, the ladder of models, leave-one-out; and what they say.
 
@@ -157,6 +194,7 @@ def reliability(
     ----------
     names : of the images registered
     displacement : what was taken out of the observations
+    further : rungs of the ladder that were fitted elsewhere
 
     Returns
     -------
@@ -174,6 +212,7 @@ def reliability(
         settings,
         range_sigma_rad=np.deg2rad(sigma_deg),
         height_px=height_px if options.drift_sigma_px > 0.0 else None,
+        further=further,
     )
     jackknife = leave_one_out(
         refined.cameras, thin_tracks(refined.observations, MAX_TRACKS), settings

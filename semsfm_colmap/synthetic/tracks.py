@@ -6,10 +6,11 @@ the side it faces, Gaussian noise, a share of wrong matches.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from semsfm_colmap.geometry.perspective import Perspective
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.types import Bool, Float, Observations, OrthographicCameras
 
@@ -92,3 +93,27 @@ def simulate_tracks(
     return SimulatedTracks(
         cameras=cameras, points=points, observations=observations, correct=~wrong
     )
+
+
+def seen_in_perspective(
+    simulated: SimulatedTracks,
+    kappa: float,
+    principal_px: float,
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> SimulatedTracks:
+    """The same tracks as a pinhole camera of focal length 1 / kappa px shows them; same noise.
+
+    Parameters
+    ----------
+    principal_px : both coordinates of the place where the optical axis meets the images
+    centre : the point of the world that stands 1 / kappa px away in each image
+
+    """
+    obs, M = simulated.observations, len(simulated.cameras)
+    view = Perspective(
+        kappa=kappa, centre=np.array(centre), principal_px=np.full((M, 2), principal_px)
+    )
+    X = simulated.points[obs.track_idx]
+    q = simulated.cameras.project(X, obs.image_idx)
+    seen = view.seen(q, view.depth(simulated.cameras, X, obs.image_idx), obs.image_idx)
+    return replace(simulated, observations=replace(obs, xy=obs.xy + seen - q))

@@ -23,12 +23,14 @@ from semsfm_colmap.colmap.model.sidecar import (
     sidecar_dict,
 )
 from semsfm_colmap.colmap.model.telecentric import (
+    PinholeCameras,
     pinhole_cameras,
     project_pinhole,
     required_focal_length,
 )
 from semsfm_colmap.colmap.options import ExportOptions
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.geometry.perspective import Perspective
 from semsfm_colmap.io.atomic import folder_aside
 from semsfm_colmap.types import Array, Float, Observations, Reconstruction
 
@@ -116,6 +118,40 @@ def write_model(
         max_deviation_px=deviation,
         mean_reprojection_error_px=float(model.compute_mean_reprojection_error()),
     )
+
+
+def write_perspective_model(
+    reconstruction: Reconstruction,
+    view: Perspective,
+    path: Path,
+    database_images: Mapping[str, DatabaseImage],
+    keypoints: Mapping[str, Float],
+) -> None:
+    """Write what a series with perspective is to COLMAP: pinholes of focal length 1 / kappa > 0.
+
+    Parameters
+    ----------
+    view : what was taken out of the observations
+    keypoints : (K, 2) px of each image, as they were measured
+
+    """
+    cameras, names = reconstruction.cameras, reconstruction.image_names
+    focal = np.array([1.0, cameras.aspect]) / view.kappa
+    pinholes = PinholeCameras(
+        focal_px=np.tile(focal, (len(names), 1)),
+        principal_point_px=view.principal_px,
+        cam_from_world=np.asarray(cameras.cam_from_world),
+        translation=view.pinhole_translations(cameras),
+    )
+    model = build_model(
+        reconstruction,
+        pinholes,
+        names,
+        [database_images[name].image_id for name in names],
+        [keypoints[name] for name in names],
+    )
+    with folder_aside(path) as aside:
+        model.write_binary(str(aside))
 
 
 def read_model(path: Path) -> Reconstruction:
