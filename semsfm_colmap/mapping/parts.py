@@ -17,6 +17,7 @@ from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.mapping.context import Guide, SeriesContext, silent
 from semsfm_colmap.mapping.drift import drift_notes
 from semsfm_colmap.mapping.finish import MappedPart, Settled, finish
+from semsfm_colmap.mapping.flat import find_flat, flat_note, settle_flat
 from semsfm_colmap.mapping.guided import Guided, refine_guided
 from semsfm_colmap.mapping.tilt import with_known_tilt
 from semsfm_colmap.motion.prior import TiltPrior, known_tilts
@@ -143,7 +144,15 @@ def map_part(
     displacement = Displacement.none(len(value.images))
     if guided is not None:
         displacement = guided.displacement
-    value, agreement, notes = with_known_tilt(context, value, displacement)
+    flat = find_flat(first.refined, value)
+    if flat is not None:
+        settled = settle_flat(context, value, flat)
+        if settled.value is None:
+            return Solution(value=None, status=settled.status, message=settled.message)
+        value, notes = settled.value, [flat_note(context)]
+        agreement = None
+    else:
+        value, agreement, notes = with_known_tilt(context, value, displacement)
     gap = first.start.figures.eigenvalue_gap
     if gap is not None and gap < WEAK_GAP:
         notes = [WEAK_NOTE, *notes]
