@@ -10,7 +10,7 @@ import numpy as np
 from semsfm_colmap.geometry.rotations import MIRROR_Z, depth_reversed
 from semsfm_colmap.geometry.subset import take_exactly
 from semsfm_colmap.mapping.context import SeriesContext
-from semsfm_colmap.mapping.drift import drag_notes
+from semsfm_colmap.mapping.drift import drag_notes, has_drift
 from semsfm_colmap.mapping.guided import Guided
 from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import CueFigures, Diagnostics, PartFigures, StartFigures, TiltAgreement
@@ -25,6 +25,7 @@ from semsfm_colmap.refinement.depth_reversal import (
     visibility_cues,
 )
 from semsfm_colmap.refinement.displaced import Displacement
+from semsfm_colmap.refinement.model_choice import DRIFT_RUNG, ModelComparison
 from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.trust import reliability, uncertainty_of
 from semsfm_colmap.types import DepthSign, Float, Observations, OrthographicCameras, Reconstruction
@@ -69,6 +70,8 @@ class Settled:
     tilt: TiltAgreement | None
     displacement: Displacement
     """what was taken out of the observations"""
+    comparison: ModelComparison
+    """the ladder of camera models on the images alone"""
     notes: tuple[str, ...]
 
 
@@ -81,15 +84,22 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
     refined = part.refined
     names = context.names_of(refined.images)
     height_px = context.height_px[refined.images]
-    uncertainty = uncertainty_of(refined, height_px, part.displacement)
+    uncertainty = uncertainty_of(
+        refined,
+        height_px,
+        part.displacement,
+        comparison=part.comparison,
+        camera_model=context.refinement.camera_model,
+    )
     covariance = None if uncertainty is None else uncertainty.total
     trust, notes = reliability(
         refined,
         uncertainty,
         context.refinement,
-        height_px,
+        part.comparison,
         names,
         tilt_known=context.tilt is not None,
+        drift_found=part.comparison.best == DRIFT_RUNG and has_drift(context, refined),
     )
     cues = find_cues(context, refined, part.first)
     sign, reverse = decide_depth_sign(cues, context.refinement.min_depth_sign_confidence)

@@ -6,7 +6,7 @@ Pure: nothing is read or written here. A series that falls into parts gives one 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -24,8 +24,11 @@ from semsfm_colmap.motion.prior import TiltPrior, known_tilts
 from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 from semsfm_colmap.records import FilteringRound
 from semsfm_colmap.refinement.displaced import Displacement
+from semsfm_colmap.refinement.magnification import magnification_notes, magnification_sigma
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, refine
+from semsfm_colmap.refinement.substance import Substance, substance
+from semsfm_colmap.refinement.trust import compare
 from semsfm_colmap.tracks.diagnosis import diagnose_tracks
 from semsfm_colmap.tracks.split import split_tracks
 from semsfm_colmap.types import Int, Observations, Solution
@@ -37,6 +40,8 @@ WEAK_NOTE = (
     "the tracks tie the series together weakly: over the whole of it the angles may have drifted "
     "off though neighbours fit; match images further apart, so that tracks last longer"
 )
+MAGNIFICATION_ROUNDS = 2
+"""The first estimate of its width has the noise of too narrow a prior."""
 EQUAL_TILTS_DEG = 0.1
 """Recorded tilts that differ by less are equal: stages are read to 0.1 deg at best."""
 
@@ -138,12 +143,15 @@ def map_part(
             message=begun.message,
             diagnostics=begun.diagnostics,
         )
-    first = begun.value
+    asked = context.refinement
+    context, first = with_magnification(context, begun.value, rng)
     guided = guide_part(context, first, rng)
     value = first.refined if guided is None else guided.refined
     displacement = Displacement.none(len(value.images))
     if guided is not None:
         displacement = guided.displacement
+    sizes = context.image_size_px[value.images].astype(np.float64)
+    comparison = compare(value, context.refinement, sizes[:, 1], sizes)
     flat = find_flat(first.refined, value)
     if flat is not None:
         settled = settle_flat(context, value, flat)
@@ -152,12 +160,20 @@ def map_part(
         value, notes = settled.value, [flat_note(context)]
         agreement = None
     else:
-        value, agreement, notes = with_known_tilt(context, value, displacement)
+        value, agreement, notes = with_known_tilt(context, value, displacement, comparison)
     gap = first.start.figures.eigenvalue_gap
     if gap is not None and gap < WEAK_GAP:
         notes = [WEAK_NOTE, *notes]
     if guided is not None:
         notes = [*notes, *drift_notes(displacement.drift_px)]
+    notes = [
+        *notes,
+        *magnification_notes(
+            np.asarray(value.cameras.scale_px_per_unit),
+            sizes,
+            estimated=context.refinement.scale_sigma > asked.scale_sigma,
+        ),
+    ]
     mapped = finish(
         context,
         Settled(
@@ -168,11 +184,28 @@ def map_part(
             guided=guided,
             tilt=agreement,
             displacement=displacement,
+            comparison=comparison,
             notes=tuple(notes),
         ),
     )
+    rests = rests_on(context, mapped)
+    if rests.is_noise:
+        return Solution(value=None, status="noise", message=rests.message)
     context.say(mapped.reconstruction.depth_sign.message)
     return Solution(value=mapped)
+
+
+def rests_on(context: SeriesContext, part: MappedPart) -> Substance:
+    """What the model of a part rests on."""
+    r, trust = part.reconstruction, part.figures.reliability
+    return substance(
+        np.asarray(r.points),
+        r.point_covariance,
+        r.observations.select(r.inlier),
+        rotation_deg=trust.total_rotation_deg,
+        rotation_sigma_deg=trust.total_rotation_sigma_deg,
+        num_given=len(context.image_names),
+    )
 
 
 def first_model(
@@ -222,6 +255,36 @@ def first_model(
     if refined.value is None:
         return Solution(value=None, status=refined.status, message=refined.message)
     return Solution(value=First(start=start.value, observations=seen, refined=refined.value))
+
+
+def with_magnification(
+    context: SeriesContext, first: First, rng: np.random.Generator
+) -> tuple[SeriesContext, First]:
+    """The prior of the magnification as wide as the series shows, and the first model with it."""
+    for _ in range(MAGNIFICATION_ROUNDS):
+        options = context.refinement
+        width = magnification_sigma(first.refined, options)
+        if width <= options.scale_sigma:
+            break
+        wider = replace(options, scale_sigma=width)
+        value = first.refined
+        again = refine(
+            value.cameras,
+            value.images,
+            first.observations,
+            wider,
+            rng=rng,
+            seed=context.seed,
+        ).value
+        if again is None or len(again.images) < len(value.images):
+            break
+        context.say(
+            f"the magnification differs between the images by some {100 * width:g} %: sigma "
+            f"{value.sigma_px:.3f} -> {again.sigma_px:.3f} px with a prior as wide"
+        )
+        context = replace(context, refinement=wider)
+        first = replace(first, refined=again)
+    return context, first
 
 
 def guide_part(context: SeriesContext, first: First, rng: np.random.Generator) -> Guided | None:

@@ -109,7 +109,7 @@ def fit_plane(points: Float, observations: Observations) -> tuple[Float, Float, 
     def gathered(values: Float, at: Int, size: int) -> Float:
         flat = values.reshape(len(values), -1)
         sums = [np.bincount(at, w * column, minlength=size) for column in flat.T]
-        return np.stack(sums, axis=1).reshape(size, *values.shape[1:])
+        return np.asarray(np.stack(sums, axis=1).reshape(size, *values.shape[1:]), dtype=float)
 
     B, t, r = np.zeros((M, 2, 2)), np.zeros((M, 2)), np.zeros((len(obs), 2))
     for _ in range(SWEEPS):

@@ -9,7 +9,8 @@ more than their error bars, depth is uncertain by that much, and it is said.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,16 @@ LADDER: tuple[tuple[str, CameraModelName, float | None], ...] = (
 """Name, camera model, standard deviation of the magnifications (None: the prior's)."""
 DRIFT_RUNG = "scan drift"
 """Name of the rung with a linear displacement along the rows of each frame."""
+STRETCH_RUNG = "stretched frames"
+"""Name of the rung with an aspect and a skew of each frame's own; see STRETCH."""
+STRETCH = 0.02
+"""Standard deviation of these: what a raster that changes between frames, or a viewer that saved
+them, may do. It leaves little of the total rotation, so that the rung counts only where it wins."""
+SIZES_RUNG = "equal sizes"
+"""Name of the rung that takes frames of other sizes for scaled ones."""
+CLEAR_WIN = 0.8
+"""Held-out residuals with which the rung of stretched frames counts, as a share of the best of the
+others."""
 MAX_PAIRED = 60
 """Images that are compared with one another for the total rotation; the ends are among them."""
 HELD_OUT_EVERY = 10
@@ -41,6 +52,11 @@ MAX_TRACKS = 1500
 """The comparison uses about so many tracks, spread evenly: it is about cameras, not points."""
 MIN_IMAGE_OBSERVATIONS = 150
 """Long series keep so many observations of each image, whatever number of tracks that takes."""
+ALIVE_RATIO = 1.05
+"""Held-out residuals up to so many times the best rung's do not rule a rung out."""
+ALIVE_BIC = 10.0
+"""Where nothing can be held out, so much more than the smallest BIC does not, or so much of it as
+these residuals would make: noise that is not quite independent lets it vary by percents."""
 DISAGREEMENT_SIGMAS = 3.0
 """Models disagree when they differ by more than this many joint standard deviations."""
 MIN_DISAGREEMENT = 0.01
@@ -61,6 +77,10 @@ class ModelComparison:
     message: str
     drift_px: Float | None = None
     """(M, 2) displacement of the last row against the first one, under the rung with drift"""
+    alive: tuple[str, ...] = ()
+    """names of the rungs that the data do not rule out"""
+    cameras: Mapping[str, OrthographicCameras] = field(default_factory=dict)
+    """for each rung the cameras it gives"""
 
 
 def widest_pair(R: Float) -> tuple[int, int]:
@@ -106,6 +126,7 @@ def compare_models(
     *,
     range_sigma_rad: float = 0.0,
     height_px: Float | None = None,
+    size_px: Float | None = None,
 ) -> ModelComparison:
     """Fit every rung of the ladder and compare.
 
@@ -116,25 +137,36 @@ def compare_models(
     settings : priors, noise and search; each rung has a camera model of its own
     range_sigma_rad : error bar of the total rotation under the chosen model
     height_px : (M,) heights of the images; without them drift within the frames is not tried
+    size_px : (M, 2) width and height of the images; without them their stretches are not tried
 
     """
     obs = thin_tracks(observations, MAX_TRACKS)
     out = held_out_mask(obs)
     kept, held = obs.select(~out), obs.select(out)
 
-    def rung(name: str, fit: Adjustment[Any]) -> Rung:
+    rungs: list[Rung] = []
+    found: dict[str, OrthographicCameras] = {}
+
+    def add(
+        name: str, fit: Adjustment[Any], share: float = np.inf, seen: Observations = held
+    ) -> None:
         end, model = fit.state, fit.model
         A, t = model.cameras(end.params)
-        r = residuals(A, t, end.X, held.image_idx, held.track_idx, held.xy)
-        return Rung(
-            name=name,
-            range_deg=float(np.rad2deg(total_rotation(np.asarray(fit.cameras.cam_from_world)))),
-            bic=float(end.cost + model.num_params * np.log(2 * len(kept))),
-            held_out_px=float(np.sqrt(np.median(r**2))) if len(held) else float("nan"),
-            num_parameters=model.num_params,
+        r = residuals(A, t, end.X, seen.image_idx, seen.track_idx, seen.xy)
+        held_out_px = float(np.sqrt(np.median(r**2))) if len(held) else float("nan")
+        if held_out_px > share * min((rung.held_out_px for rung in rungs), default=np.inf):
+            return
+        found[name] = fit.cameras
+        rungs.append(
+            Rung(
+                name=name,
+                range_deg=float(np.rad2deg(total_rotation(np.asarray(fit.cameras.cam_from_world)))),
+                bic=float(end.cost + model.num_params * np.log(2 * len(kept))),
+                held_out_px=held_out_px,
+                num_parameters=model.num_params,
+            )
         )
 
-    rungs = []
     for name, model, sigma in LADDER:
         start = cameras
         if model == "orthographic":
@@ -144,22 +176,55 @@ def compare_models(
             start, kept, replace(settings, camera_model=model, scale_sigma=scale_sigma)
         )
         assert fit.value is not None
-        rungs.append(rung(name, fit.value))
+        add(name, fit.value)
     drift = None
     if height_px is not None:
         drifting = adjust_with_drift(cameras, kept, height_px, settings)
         assert drifting.value is not None
         drift = drifting.value.state.params[1]
-        rungs.append(rung(DRIFT_RUNG, drifting.value))
-    return replace(judge(tuple(rungs), np.rad2deg(range_sigma_rad)), drift_px=drift)
+        add(DRIFT_RUNG, drifting.value)
+    if size_px is not None and len(held) > 0:
+        if np.any(np.ptp(size_px, axis=0) > 0):
+            alike, seen = equal_sizes(kept, size_px), equal_sizes(held, size_px)
+            start = equal_sizes_of(cameras, size_px)
+            scaled = bundle_adjust(start, alike, settings)
+            assert scaled.value is not None
+            add(SIZES_RUNG, scaled.value, seen=seen)
+        wide = replace(settings, drift_sigma_px=STRETCH * float(np.mean(size_px[:, 1])))
+        stretched = adjust_with_drift(cameras, kept, size_px[:, 1].astype(np.float64), wide)
+        assert stretched.value is not None
+        add(STRETCH_RUNG, stretched.value, CLEAR_WIN)
+    return replace(judge(tuple(rungs), np.rad2deg(range_sigma_rad)), drift_px=drift, cameras=found)
+
+
+def equal_sizes(observations: Observations, size_px: Float) -> Observations:
+    """The observations in frames that are all scaled to the largest size."""
+    factor = size_px.max(axis=0) / size_px
+    return replace(observations, xy=observations.xy * factor[observations.image_idx])
+
+
+def equal_sizes_of(cameras: OrthographicCameras, size_px: Float) -> OrthographicCameras:
+    """Cameras to begin a fit with in such frames."""
+    factor = size_px.max(axis=0) / size_px
+    return replace(cameras, translation_px=cameras.translation_px * factor)
+
+
+def is_ruled_out(rung: Rung, rungs: Sequence[Rung]) -> bool:
+    """Whether the held-out residuals are clearly worse than the best rung's.
+
+    Where tracks are too short to hold anything out, as of three images, the BIC decides.
+    """
+    held = [other.held_out_px for other in rungs]
+    if np.all(np.isfinite(held)):
+        return rung.held_out_px > ALIVE_RATIO * min(held)
+    least = min(other.bic for other in rungs)
+    return rung.bic > least + max(ALIVE_BIC, (ALIVE_RATIO**2 - 1.0) * abs(least))
 
 
 def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:
     """The best rung, the spread of the total rotation, and a sentence."""
     best = min(rungs, key=lambda rung: rung.bic)
-    # a rung is ruled out when its held-out residuals are clearly worse than the best one's
-    least = min(rung.held_out_px for rung in rungs)
-    alive = [r for r in rungs if not r.held_out_px > 1.05 * least]
+    alive = [rung for rung in rungs if not is_ruled_out(rung, rungs)]
     ranges = np.array([rung.range_deg for rung in alive])
     spread = float(np.ptp(ranges) / max(np.mean(ranges), 1e-12))
     limit = max(
@@ -180,4 +245,5 @@ def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:
         depth_uncertainty=spread,
         disagree=disagree,
         message=message,
+        alive=tuple(rung.name for rung in alive),
     )

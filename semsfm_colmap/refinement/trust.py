@@ -29,14 +29,15 @@ from semsfm_colmap.refinement.drag import (
 )
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import (
-    DRIFT_RUNG,
     MAX_TRACKS,
     ModelComparison,
     compare_models,
+    judge,
     thin_tracks,
     total_rotation,
     widest_pair,
 )
+from semsfm_colmap.refinement.model_spread import model_mode
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.uncertainty import (
@@ -72,10 +73,41 @@ def covariance_of(
     return estimate_covariance(model, state, refined.observations, refined.sigma_px).value
 
 
+def compare(
+    refined: Refined, options: RefinementOptions, height_px: Float, size_px: Float | None = None
+) -> ModelComparison:
+    """The ladder of camera models on the observations of a refined model.
+
+    Parameters
+    ----------
+    height_px, size_px : (M,) heights, (M, 2) widths and heights of the images registered
+
+    """
+    return compare_models(
+        refined.cameras,
+        refined.observations,
+        BundleSettings.of(options, refined.sigma_px, comparing_solver(options)),
+        height_px=height_px if options.drift_sigma_px > 0.0 else None,
+        size_px=size_px,
+    )
+
+
 def uncertainty_of(
-    refined: Refined, height_px: Float, displacement: Displacement
+    refined: Refined,
+    height_px: Float,
+    displacement: Displacement,
+    *,
+    comparison: ModelComparison | None = None,
+    camera_model: str = "scaled_orthographic",
 ) -> Uncertainty | None:
-    """Error bars of a refined model in full, in parts; None where something is not determined."""
+    """Error bars of a refined model in full, in parts; None where something is not determined.
+
+    Parameters
+    ----------
+    comparison : the ladder of camera models, whose disagreement is one of the parts
+    camera_model : the one that is written
+
+    """
     model, state = displaced_state(refined, height_px, displacement)
     obs, sigma_px = refined.observations, refined.sigma_px
     noise = estimate_covariance(model, state, obs, sigma_px).value
@@ -96,6 +128,10 @@ def uncertainty_of(
         modes["drag"] = DRAG_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, field)
     fields = shading_fields(R, normals, obs.image_idx, obs.track_idx)
     modes["shading"] = SHADING_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, fields)
+    if comparison is not None:
+        apart = model_mode(comparison, camera_model, model.param_idx, model.num_params)
+        if apart is not None:
+            modes["models"] = apart
     found = with_modes(noise, modes, model, state, obs, sigma_px)
     return with_relief(found, normals, relief_sigma(refined.points))
 
@@ -119,16 +155,19 @@ def reliability(
     refined: Refined,
     uncertainty: Uncertainty | None,
     options: RefinementOptions,
-    height_px: Float,
+    comparison: ModelComparison,
     names: Sequence[str],
     *,
     tilt_known: bool,
+    drift_found: bool = False,
 ) -> tuple[Reliability, list[str]]:
     """Total rotation with its error bar, the ladder of models, leave-one-out; and what they say.
 
     Parameters
     ----------
+    comparison : the ladder, as `uncertainty` has it
     names : of the images registered
+    drift_found : a drift in the observations as they are is a finding
 
     """
     settings = BundleSettings.of(options, refined.sigma_px, comparing_solver(options))
@@ -138,13 +177,10 @@ def reliability(
         sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, uncertainty)))
         parts = total_rotation_parts(refined, uncertainty)
         parts_deg = {name: float(np.rad2deg(part)) for name, part in parts.items()}
-    comparison = compare_models(
-        refined.cameras,
-        refined.observations,
-        settings,
-        range_sigma_rad=np.deg2rad(sigma_deg),
-        height_px=height_px if options.drift_sigma_px > 0.0 else None,
-    )
+    # what the models disagree on is no excuse for their disagreement
+    others = [part for name, part in (parts_deg or {}).items() if name != "models"]
+    verdict = judge(comparison.rungs, float(np.linalg.norm(others)) if others else 0.0)
+    comparison = replace(comparison, disagree=verdict.disagree, message=verdict.message)
     jackknife = leave_one_out(
         refined.cameras, thin_tracks(refined.observations, MAX_TRACKS), settings
     )
@@ -164,7 +200,7 @@ def reliability(
             change_deg=tuple(jackknife.change_deg.tolist()),
             jackknife_deg=jackknife.jackknife_deg,
         ),
-        scan_drift=ScanDriftFigures(largest_px=drift, best=comparison.best == DRIFT_RUNG),
+        scan_drift=ScanDriftFigures(largest_px=drift, best=drift_found),
     )
     return figures, reliability_notes(figures, comparison, tilt_known=tilt_known)
 
@@ -187,7 +223,7 @@ def reliability_notes(
         )
     if comparison.depth_uncertainty > MIN_UNCERTAINTY and comparison.disagree:
         notes.append(comparison.message)
-    if comparison.best == DRIFT_RUNG:
+    if figures.scan_drift is not None and figures.scan_drift.best:
         notes.append(
             "rows within the frames are displaced, the last against the first by up to "
             f"{largest_drift_px(comparison):.2f} px: stage creep or charging while a frame was "
