@@ -54,6 +54,8 @@ MIN_IMAGE_OBSERVATIONS = 150
 """Long series keep so many observations of each image, whatever number of tracks that takes."""
 ALIVE_RATIO = 1.05
 """Held-out residuals up to so many times the best rung's do not rule a rung out."""
+ALIVE_RATIO_SIZES = 1.2
+"""That frames differ in size is a fact: the rung that takes it for scaling has more credit."""
 ALIVE_BIC = 10.0
 """Where nothing can be held out, so much more than the smallest BIC does not, or so much of it as
 these residuals would make: noise that is not quite independent lets it vary by percents."""
@@ -216,7 +218,8 @@ def is_ruled_out(rung: Rung, rungs: Sequence[Rung]) -> bool:
     """
     held = [other.held_out_px for other in rungs]
     if np.all(np.isfinite(held)):
-        return rung.held_out_px > ALIVE_RATIO * min(held)
+        ratio = ALIVE_RATIO_SIZES if rung.name == SIZES_RUNG else ALIVE_RATIO
+        return rung.held_out_px > ratio * min(held)
     least = min(other.bic for other in rungs)
     return rung.bic > least + max(ALIVE_BIC, (ALIVE_RATIO**2 - 1.0) * abs(least))
 
