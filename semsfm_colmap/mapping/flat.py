@@ -10,7 +10,7 @@ from semsfm_colmap.geometry.rotations import rotation_from_vector, vector_from_r
 from semsfm_colmap.mapping.context import SeriesContext
 from semsfm_colmap.motion.check import check_tilt
 from semsfm_colmap.motion.prior import known_tilts
-from semsfm_colmap.refinement.flatness import CLEAR_RATIO, MAX_FLAT_RATIO, Flatness, flatness
+from semsfm_colmap.refinement.flatness import CLEAR_EXCESS, Flatness, flatness
 from semsfm_colmap.refinement.known_angles import angle_prior
 from semsfm_colmap.refinement.refine import Refined, adjust_with_angles
 from semsfm_colmap.types import Solution
@@ -32,13 +32,13 @@ def find_flat(first: Refined, last: Refined) -> Flatness | None:
 
     """
     found = flatness(last.cameras, last.points, last.observations)
-    if found is None or not found.is_flat(CLEAR_RATIO):
+    if found is None or not found.is_flat(CLEAR_EXCESS):
         return None
-    limit = MAX_FLAT_RATIO
+    limit = 1.0
     if last is not first:
         before = flatness(first.cameras, first.points, first.observations)
         if before is not None and before.is_flat():
-            limit = CLEAR_RATIO
+            limit = CLEAR_EXCESS
     return found if found.is_flat(limit) else None
 
 

@@ -42,6 +42,9 @@ WEAK_NOTE = (
 )
 MAGNIFICATION_ROUNDS = 2
 """The first estimate of its width has the noise of too narrow a prior."""
+MIN_PLANE_STRETCH = 1.01
+"""Foreshortening between images that a tilt of 8 degrees explains, and the fraction of a degree of
+a model that lost its depth does not."""
 EQUAL_TILTS_DEG = 0.1
 """Recorded tilts that differ by less are equal: stages are read to 0.1 deg at best."""
 
@@ -159,6 +162,8 @@ def map_part(
             return Solution(value=None, status=settled.status, message=settled.message)
         value, notes = settled.value, [flat_note(context)]
         agreement = None
+        # what the images of a plane make of its angles has no say
+        comparison = replace(comparison, rungs=comparison.rungs[:1], alive=())
     else:
         value, agreement, notes = with_known_tilt(context, value, displacement, comparison)
     gap = first.start.figures.eigenvalue_gap
@@ -213,7 +218,7 @@ def first_model(
 ) -> Solution[First]:
     """Factorize a part and refine it, or say why it gives no model."""
     rank = diagnose_rank(part.blocks)
-    if rank.status != "ok":
+    if rank.status != "ok" and not (rank.status == "planar" and context.tilt is not None):
         status, message = without_depth(rank, context.tilt, list(context.names_of(part.images)))
         return Solution(value=None, status=status, message=message, diagnostics=asdict(rank))
     tied, start = factorize_most(part, observations, context.factorization, rng)
@@ -253,6 +258,10 @@ def first_model(
         progress=tell,
     )
     if refined.value is None:
+        if refined.status == "tilt_too_small" and rank.stretch > MIN_PLANE_STRETCH:
+            # the images are foreshortened: it is the specimen that has no depth
+            flat = replace(rank, status="planar")
+            return Solution(value=None, status="planar", message=flat.message)
         return Solution(value=None, status=refined.status, message=refined.message)
     return Solution(value=First(start=start.value, observations=seen, refined=refined.value))
 

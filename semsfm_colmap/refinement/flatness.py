@@ -21,14 +21,17 @@ import numpy as np
 from semsfm_colmap.geometry.subset import keep_tracks
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
 
-MAX_FLAT_RATIO = 1.05
-"""Held-out residuals of the plane over those of the points in space, up to which nothing shows
-depth: rendered planes of 48 degrees of tilt have 1.01 at most, depth of twice its sigma 1.1."""
-CLEAR_RATIO = 1.3
-"""Where the first model is flat a guided pass has to show so much: what is left of blur and
-foreshortening in its alignments looks like depth of some hundredths of a pixel."""
-QUANTILES = (0.5, 0.75, 0.9, 0.95)
+QUANTILES = (0.5, 0.75, 0.9, 0.95, 0.98)
 """Of the held-out residuals: grains may cover a tenth of a plane."""
+FLAT_RATIOS = (1.05, 1.07, 1.15, 1.25, 1.5)
+"""For each, residuals of the plane over those of the points in space up to which nothing shows
+depth. Rendered planes of 20 to 60 degrees of tilt have 0.98 to 1.015 at the median and, for wrong
+matches that fit some depth by chance, up to 1.11 at 0.95; depth of twice its sigma has 1.1 in all,
+a tenth of a plane under grains 3 in the last ones."""
+CLEAR_EXCESS = 6.0
+"""Where the first model is flat a guided pass has to show so many times the excess over 1 that
+these ratios allow: what is left of blur and foreshortening in its alignments looks like depth of
+some hundredths of a pixel."""
 MAX_TRACKS = 2000
 """Of more tracks every so manieth is looked at."""
 SWEEPS = 30
@@ -40,14 +43,17 @@ class Flatness:
     """Points in space against points in a plane."""
 
     ratio: float
-    """held-out residuals of the plane over those of the points in space, the largest quantile"""
+    """held-out residuals of the plane over those of the points in space, median"""
+    excess: float
+    """how far such ratios exceed 1, as a share of what a plane may, at the quantile that shows
+    depth best"""
     facing_deg: float
     """the rotation between the two images of the most different foreshortening, if the plane faced
     the viewer in the one where it appears largest"""
 
-    def is_flat(self, limit: float = MAX_FLAT_RATIO) -> bool:
+    def is_flat(self, max_excess: float = 1.0) -> bool:
         """True where a third coordinate foretells nothing."""
-        return self.ratio < limit
+        return self.excess < max_excess
 
     @property
     def message(self) -> str:
@@ -156,5 +162,6 @@ def flatness(
     if not np.any(long):
         return None
     space_q, plane_q = (np.quantile(values[long], QUANTILES) for values in (space, plane))
-    ratio = float(np.max(plane_q / np.maximum(space_q, 1e-12)))
-    return Flatness(ratio=ratio, facing_deg=facing_angle_deg(B))
+    ratio = plane_q / np.maximum(space_q, 1e-12)
+    excess = np.max((ratio - 1.0) / (np.array(FLAT_RATIOS) - 1.0))
+    return Flatness(ratio=float(ratio[0]), excess=float(excess), facing_deg=facing_angle_deg(B))
