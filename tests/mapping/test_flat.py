@@ -6,6 +6,7 @@ import pytest
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.mapping.context import SeriesContext
 from semsfm_colmap.mapping.flat import find_flat, settle_flat
+from semsfm_colmap.mapping.parts import map_observations
 from semsfm_colmap.motion.prior import TiltPrior
 from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.options import RefinementOptions
@@ -72,3 +73,18 @@ def test_a_specimen_with_relief_is_not_flat():
     rng = np.random.default_rng(0)
     fit = refine(cameras, np.arange(7), obs, RefinementOptions(), rng=rng).value
     assert find_flat(fit, fit) is None
+
+
+@pytest.mark.parametrize("tilts_deg", [TILTS, np.linspace(-30, 30, 7)])
+def test_a_series_of_a_plane_ends_in_that_answer(tilts_deg):
+    _, obs = tilted(relief(0.0), tilts_deg)
+    context = context_of()
+    end = map_observations(
+        obs,
+        context.image_names,
+        context.image_size_px,
+        factorization=context.factorization,
+        refinement=context.refinement,
+    )
+    assert (end.value, end.status) == (None, "planar")
+    assert "flat" in end.message
