@@ -215,7 +215,7 @@ class Reliability:
     total_rotation_sigma_deg: float
     """with everything in it"""
     total_rotation_sigma_parts_deg: Mapping[str, float] | None = None
-    """by cause: noise, clustered, drag, shading, perspective where it was found and not taken out;
+    """by cause: noise, clustered, drag, shading, models, perspective where it was found and left in;
     None where no error bars can be given"""
     relief_px: float | None = None
     """Standard deviation of each point by itself along its normal, in the points' covariances."""

@@ -75,6 +75,15 @@ class SemFrame:
     """(x0, y0, x1, y1) of the prepared image in the source image."""
     metadata: SemMetadata = field(default_factory=SemMetadata)
     warnings: tuple[str, ...] = ()
+    databar: bool = False
+    """True where a databar was found and cut off."""
+
+    @property
+    def scanned(self) -> bool:
+        """Whether a databar or what a header records shows a scanning microscope."""
+        m = self.metadata
+        recorded = (m.instrument, m.beam_energy_kev, m.working_distance_um, m.scan_rotation_rad)
+        return self.databar or any(value is not None for value in recorded)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

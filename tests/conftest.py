@@ -10,6 +10,7 @@ from semsfm_colmap.synthetic.options import SynthesizeOptions
 from semsfm_colmap.synthetic.series import synthesize
 
 DATA = Path(__file__).parents[1] / ".." / "shared" / "data"
+CASES = DATA.parent / "cases"
 
 
 @pytest.fixture(scope="session")
@@ -18,6 +19,14 @@ def data_path() -> Path:
     if not DATA.is_dir():
         pytest.skip("the development data are not there")
     return DATA
+
+
+@pytest.fixture(scope="session")
+def cases_path() -> Path:
+    """Small inputs that came out wrong once, beside the data; tests of them are marked `data`."""
+    if not CASES.is_dir():
+        pytest.skip("the cases are not there")
+    return CASES
 
 
 SMALL = SynthesizeOptions(

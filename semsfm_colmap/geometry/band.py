@@ -217,6 +217,14 @@ class BandFactor:
     corner_factor: Float | None = None
     """(e, e) of the border's Schur complement"""
 
+    @property
+    def log_determinant(self) -> float:
+        """Of the matrix."""
+        roots = [np.diagonal(R) for R in self.factors]
+        if self.corner_factor is not None:
+            roots.append(np.diagonal(self.corner_factor))
+        return float(2.0 * np.sum(np.log(np.concatenate(roots))))
+
     def solve_rows(self, right: Float) -> Float:
         """Solve for the rows of the blocks alone: (K b, r)."""
         b = self.layout.size

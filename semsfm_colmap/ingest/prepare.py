@@ -180,6 +180,7 @@ def _prepare_image(
         crop_px=image.crop,
         metadata=image.reading.metadata,
         warnings=(*image.warnings, *problems),
+        databar=image.databar_row is not None,
     )
 
 

@@ -45,6 +45,8 @@ class SeriesContext:
     """known angles; used as a prior where the images do not contradict them"""
     guide: Guide | None = None
     """None: no second pass"""
+    scanned: bool = False
+    """the images are known to come from a scanning instrument"""
     seed: int = 0
     say: Callable[[str], None] = silent
     """called with a sentence after each step"""
@@ -53,6 +55,12 @@ class SeriesContext:
     def height_px(self) -> Float:
         """(M,) heights of the images."""
         return self.image_size_px[:, 1].astype(np.float64)
+
+    @property
+    def is_scanned(self) -> bool:
+        """Whether the images were scanned row by row, by what is known or by the user's word."""
+        word = self.refinement.scanned
+        return self.scanned if word == "auto" else word == "yes"
 
     def names_of(self, images: Int) -> tuple[str, ...]:
         """The names of some images."""

@@ -14,12 +14,13 @@ import numpy as np
 
 from semsfm_colmap.mapping.context import SeriesContext
 from semsfm_colmap.records import DragFigures
-from semsfm_colmap.refinement.adjustment import BundleSettings, last_solver
+from semsfm_colmap.refinement.adjustment import BundleSettings, comparing_solver, last_solver
 from semsfm_colmap.refinement.displaced import (
     Displacement,
     find_displacement,
     without_displacement,
 )
+from semsfm_colmap.refinement.drift_claim import judge_drift
 from semsfm_colmap.refinement.refine import Refined, refine
 from semsfm_colmap.types import Float, Observations
 
@@ -52,10 +53,12 @@ def adjust_last(
     None where that leaves fewer images.
     """
     options = context.refinement
+    settings = BundleSettings.of(options, value.sigma_px, last_solver(options))
+    drifts = has_drift(context, value)
     found = find_displacement(
         value,
         context.height_px[value.images],
-        BundleSettings.of(options, value.sigma_px, last_solver(options)),
+        settings if drifts else replace(settings, drift_sigma_px=0.0),
     )
     still = observations
     if found.drift_sigma_px > 0.0 or found.drag_px != 0.0:
@@ -72,8 +75,30 @@ def adjust_last(
         return None
     drift = np.zeros((observations.num_images, 2))
     drift[value.images] = found.drift_px
-    found = replace(found, drift_px=drift[last.images])
+    # what is too small to be found may be there all the same: the error bars keep its prior
+    sigma_px = 0.0 if options.scanned == "no" else options.drift_sigma_px
+    found = replace(found, drift_px=drift[last.images], drift_sigma_px=sigma_px)
     return LastAdjustment(refined=last, observations=still, displacement=found)
+
+
+def has_drift(context: SeriesContext, value: Refined) -> bool:
+    """Whether a drift within the frames is a finding, see `refinement.drift_claim`."""
+    options = context.refinement
+    if options.drift_sigma_px <= 0.0 or options.scanned == "no":
+        return False
+    claim = judge_drift(
+        value.cameras,
+        value.observations,
+        context.height_px[value.images],
+        BundleSettings.of(options, value.sigma_px, comparing_solver(options)),
+        scanned=context.is_scanned,
+    )
+    context.say(
+        f"drift within the frames: held-out chi square falls by {claim.gain:.1f} a parameter, "
+        f"roughness {claim.roughness:.2f}, {'' if claim.scanned else 'not '}known to be scanned: "
+        f"{'taken out' if claim.holds else 'no finding'}"
+    )
+    return claim.holds
 
 
 def drift_notes(drift_px: Float) -> list[str]:

@@ -11,9 +11,9 @@ from semsfm_colmap.geometry.perspective import Perspective
 from semsfm_colmap.geometry.rotations import MIRROR_Z, depth_reversed
 from semsfm_colmap.geometry.subset import take_exactly
 from semsfm_colmap.mapping.context import SeriesContext
-from semsfm_colmap.mapping.drift import drag_notes
+from semsfm_colmap.mapping.drift import drag_notes, has_drift
 from semsfm_colmap.mapping.guided import Guided
-from semsfm_colmap.mapping.perspective import judge_perspective, perspective_notes
+from semsfm_colmap.mapping.perspective import perspective_notes
 from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import CueFigures, Diagnostics, PartFigures, StartFigures, TiltAgreement
 from semsfm_colmap.refinement.covariance import Covariance
@@ -27,6 +27,8 @@ from semsfm_colmap.refinement.depth_reversal import (
     visibility_cues,
 )
 from semsfm_colmap.refinement.displaced import Displacement
+from semsfm_colmap.refinement.model_choice import DRIFT_RUNG, ModelComparison
+from semsfm_colmap.refinement.perspective_choice import PerspectiveChoice
 from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.trust import reliability, uncertainty_of
 from semsfm_colmap.types import DepthSign, Float, Observations, OrthographicCameras, Reconstruction
@@ -79,6 +81,10 @@ class Settled:
     tilt: TiltAgreement | None
     displacement: Displacement
     """what was taken out of the observations"""
+    comparison: ModelComparison
+    """the ladder of camera models on the images alone"""
+    perspective: PerspectiveChoice | None
+    """perspective that was looked for and not taken out; None where it was taken out"""
     notes: tuple[str, ...]
 
 
@@ -91,24 +97,26 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
     refined = part.refined
     names = context.names_of(refined.images)
     height_px = context.height_px[refined.images]
-    choice = None
-    if part.displacement.perspective is None:
-        choice = judge_perspective(context, refined)
+    choice = part.perspective
     found = choice if choice is not None and choice.found else None
     uncertainty = uncertainty_of(
-        refined, height_px, part.displacement, None if found is None else found.fit
+        refined,
+        height_px,
+        part.displacement,
+        left_in=None if found is None else found.fit,
+        comparison=part.comparison,
+        camera_model=context.refinement.camera_model,
     )
-    trust, notes, uncertainty = reliability(
+    covariance = None if uncertainty is None else uncertainty.total
+    trust, notes = reliability(
         refined,
         uncertainty,
         context.refinement,
-        height_px,
+        part.comparison,
         names,
-        part.displacement,
         tilt_known=context.tilt is not None,
-        further=() if found is None else (found.rung,),
+        drift_found=part.comparison.best == DRIFT_RUNG and has_drift(context, refined),
     )
-    covariance = None if uncertainty is None else uncertainty.total
     if choice is not None and found is None:
         # listed, but of no weight
         trust = replace(trust, models=(*trust.models, choice.rung))

@@ -17,15 +17,19 @@ from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.mapping.context import Guide, SeriesContext, silent
 from semsfm_colmap.mapping.drift import drift_notes
 from semsfm_colmap.mapping.finish import MappedPart, Settled, finish
+from semsfm_colmap.mapping.flat import find_flat, flat_note, settle_flat
 from semsfm_colmap.mapping.guided import Guided, refine_guided
-from semsfm_colmap.mapping.perspective import straighten
+from semsfm_colmap.mapping.perspective import Straight, judge_perspective, straighten
 from semsfm_colmap.mapping.tilt import with_known_tilt
 from semsfm_colmap.motion.prior import TiltPrior, known_tilts
 from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 from semsfm_colmap.records import FilteringRound
 from semsfm_colmap.refinement.displaced import Displacement
+from semsfm_colmap.refinement.magnification import magnification_notes, magnification_sigma
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, refine
+from semsfm_colmap.refinement.substance import Substance, substance
+from semsfm_colmap.refinement.trust import compare
 from semsfm_colmap.tracks.diagnosis import diagnose_tracks
 from semsfm_colmap.tracks.split import split_tracks
 from semsfm_colmap.types import Int, Observations, Solution
@@ -37,6 +41,11 @@ WEAK_NOTE = (
     "the tracks tie the series together weakly: over the whole of it the angles may have drifted "
     "off though neighbours fit; match images further apart, so that tracks last longer"
 )
+MAGNIFICATION_ROUNDS = 2
+"""The first estimate of its width has the noise of too narrow a prior."""
+MIN_PLANE_STRETCH = 1.01
+"""Foreshortening between images that a tilt of 8 degrees explains, and the fraction of a degree of
+a model that lost its depth does not."""
 EQUAL_TILTS_DEG = 0.1
 """Recorded tilts that differ by less are equal: stages are read to 0.1 deg at best."""
 
@@ -138,29 +147,76 @@ def map_part(
             message=begun.message,
             diagnostics=begun.diagnostics,
         )
-    first = begun.value
-    straight = straighten(context, first.refined, first.observations, rng=rng)
+    asked, guided = context.refinement, None
+    straight = straighten(context, begun.value.refined, begun.value.observations, rng=rng)
     if straight is not None:
         context = straight.context
-        first = replace(first, refined=straight.refined, observations=straight.observations)
-    guided = None if straight is not None else guide_part(context, first, rng)
+        first = replace(begun.value, refined=straight.refined, observations=straight.observations)
+    else:
+        context, first = with_magnification(context, begun.value, rng)
+        guided = guide_part(context, first, rng)
+    settled = settle(context, first, guided, straight, asked)
+    if settled.value is None:
+        return Solution(value=None, status=settled.status, message=settled.message)
+    mapped = finish(context, settled.value)
+    rests = rests_on(context, mapped)
+    if rests.is_noise:
+        return Solution(value=None, status="noise", message=rests.message)
+    context.say(mapped.reconstruction.depth_sign.message)
+    return Solution(value=mapped)
+
+
+def settle(
+    context: SeriesContext,
+    first: First,
+    guided: Guided | None,
+    straight: Straight | None,
+    asked: RefinementOptions,
+) -> Solution[Settled]:
+    """The camera models compared, flatness, known tilts, and what is to be said of all that.
+
+    Parameters
+    ----------
+    straight : perspective that was taken out
+    asked : the options before anything was learnt from the series
+
+    """
     value = first.refined if guided is None else guided.refined
     displacement = Displacement.none(len(value.images))
     if guided is not None:
         displacement = guided.displacement
+    choice = None
     if straight is not None:
         displacement = replace(
             displacement, perspective=straight.figures, view=straight.perspective
         )
-    value, agreement, notes = with_known_tilt(context, value, displacement)
+    else:
+        choice = judge_perspective(context, value)
+    sizes = context.image_size_px[value.images].astype(np.float64)
+    further = () if choice is None or not choice.found else (choice.rung,)
+    comparison = compare(value, context.refinement, sizes[:, 1], sizes, further)
+    flat = find_flat(first.refined, value)
+    agreement = None
+    if flat is not None:
+        settled = settle_flat(context, value, flat)
+        if settled.value is None:
+            return Solution(value=None, status=settled.status, message=settled.message)
+        value, notes = settled.value, [flat_note(context)]
+        # what the images of a plane make of its angles has no say
+        comparison = replace(comparison, rungs=comparison.rungs[:1], alive=())
+    else:
+        value, agreement, notes = with_known_tilt(context, value, displacement, comparison)
     gap = first.start.figures.eigenvalue_gap
     if gap is not None and gap < WEAK_GAP:
         notes = [WEAK_NOTE, *notes]
     if guided is not None:
         notes = [*notes, *drift_notes(displacement.drift_px)]
-    mapped = finish(
-        context,
-        Settled(
+    if straight is None:
+        scale = np.asarray(value.cameras.scale_px_per_unit)
+        learnt = context.refinement.scale_sigma > asked.scale_sigma
+        notes = [*notes, *magnification_notes(scale, sizes, estimated=learnt)]
+    return Solution(
+        value=Settled(
             refined=value,
             observations=first.observations if guided is None else guided.observations,
             first=first.refined,
@@ -168,11 +224,24 @@ def map_part(
             guided=guided,
             tilt=agreement,
             displacement=displacement,
+            comparison=comparison,
+            perspective=choice,
             notes=tuple(notes),
-        ),
+        )
     )
-    context.say(mapped.reconstruction.depth_sign.message)
-    return Solution(value=mapped)
+
+
+def rests_on(context: SeriesContext, part: MappedPart) -> Substance:
+    """What the model of a part rests on."""
+    r, trust = part.reconstruction, part.figures.reliability
+    return substance(
+        np.asarray(r.points),
+        r.point_covariance,
+        r.observations.select(r.inlier),
+        rotation_deg=trust.total_rotation_deg,
+        rotation_sigma_deg=trust.total_rotation_sigma_deg,
+        num_given=len(context.image_names),
+    )
 
 
 def first_model(
@@ -180,7 +249,7 @@ def first_model(
 ) -> Solution[First]:
     """Factorize a part and refine it, or say why it gives no model."""
     rank = diagnose_rank(part.blocks)
-    if rank.status != "ok":
+    if rank.status != "ok" and not (rank.status == "planar" and context.tilt is not None):
         status, message = without_depth(rank, context.tilt, list(context.names_of(part.images)))
         return Solution(value=None, status=status, message=message, diagnostics=asdict(rank))
     tied, start = factorize_most(part, observations, context.factorization, rng)
@@ -220,8 +289,42 @@ def first_model(
         progress=tell,
     )
     if refined.value is None:
+        if refined.status == "tilt_too_small" and rank.stretch > MIN_PLANE_STRETCH:
+            # the images are foreshortened: it is the specimen that has no depth
+            flat = replace(rank, status="planar")
+            return Solution(value=None, status="planar", message=flat.message)
         return Solution(value=None, status=refined.status, message=refined.message)
     return Solution(value=First(start=start.value, observations=seen, refined=refined.value))
+
+
+def with_magnification(
+    context: SeriesContext, first: First, rng: np.random.Generator
+) -> tuple[SeriesContext, First]:
+    """The prior of the magnification as wide as the series shows, and the first model with it."""
+    for _ in range(MAGNIFICATION_ROUNDS):
+        options = context.refinement
+        width = magnification_sigma(first.refined, options)
+        if width <= options.scale_sigma:
+            break
+        wider = replace(options, scale_sigma=width)
+        value = first.refined
+        again = refine(
+            value.cameras,
+            value.images,
+            first.observations,
+            wider,
+            rng=rng,
+            seed=context.seed,
+        ).value
+        if again is None or len(again.images) < len(value.images):
+            break
+        context.say(
+            f"the magnification differs between the images by some {100 * width:g} %: sigma "
+            f"{value.sigma_px:.3f} -> {again.sigma_px:.3f} px with a prior as wide"
+        )
+        context = replace(context, refinement=wider)
+        first = replace(first, refined=again)
+    return context, first
 
 
 def guide_part(context: SeriesContext, first: First, rng: np.random.Generator) -> Guided | None:

@@ -76,6 +76,7 @@ def map_series(
         pixel_size_source=series.pixel_size_source,
         tilt=tilt_prior(series, config.ingest),
         guide=guide,
+        scanned=any(frame.scanned for frame in series.frames),
         seed=config.seed,
         say=reporter.detail,
     )

@@ -9,7 +9,8 @@ more than their error bars, depth is uncertain by that much, and it is said.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,16 @@ LADDER: tuple[tuple[str, CameraModelName, float | None], ...] = (
 """Name, camera model, standard deviation of the magnifications (None: the prior's)."""
 DRIFT_RUNG = "scan drift"
 """Name of the rung with a linear displacement along the rows of each frame."""
+STRETCH_RUNG = "stretched frames"
+"""Name of the rung with an aspect and a skew of each frame's own; see STRETCH."""
+STRETCH = 0.02
+"""Standard deviation of these: what a raster that changes between frames, or a viewer that saved
+them, may do. It leaves little of the total rotation, so that the rung counts only where it wins."""
+SIZES_RUNG = "equal sizes"
+"""Name of the rung that takes frames of other sizes for scaled ones."""
+CLEAR_WIN = 0.8
+"""Held-out residuals with which the rung of stretched frames counts, as a share of the best of the
+others."""
 MAX_PAIRED = 60
 """Images that are compared with one another for the total rotation; the ends are among them."""
 HELD_OUT_EVERY = 10
@@ -41,8 +52,13 @@ MAX_TRACKS = 1500
 """The comparison uses about so many tracks, spread evenly: it is about cameras, not points."""
 MIN_IMAGE_OBSERVATIONS = 150
 """Long series keep so many observations of each image, whatever number of tracks that takes."""
-MAX_BIC_SHARE = 1.1
-"""Without held-out residuals a rung is ruled out when its criterion is larger by more."""
+ALIVE_RATIO = 1.05
+"""Held-out residuals up to so many times the best rung's do not rule a rung out."""
+ALIVE_RATIO_SIZES = 1.2
+"""That frames differ in size is a fact: the rung that takes it for scaling has more credit."""
+ALIVE_BIC = 10.0
+"""Where nothing can be held out, so much more than the smallest BIC does not, or so much of it as
+these residuals would make: noise that is not quite independent lets it vary by percents."""
 DISAGREEMENT_SIGMAS = 3.0
 """Models disagree when they differ by more than this many joint standard deviations."""
 MIN_DISAGREEMENT = 0.01
@@ -61,11 +77,12 @@ class ModelComparison:
     disagree: bool
     """True when that spread is more than their error bars"""
     message: str
-    disagreement: float = 0.0
-    """largest relative difference of the total rotation between a rung that is not ruled out and
-    the one with the magnifications' prior"""
     drift_px: Float | None = None
     """(M, 2) displacement of the last row against the first one, under the rung with drift"""
+    alive: tuple[str, ...] = ()
+    """names of the rungs that the data do not rule out"""
+    cameras: Mapping[str, OrthographicCameras] = field(default_factory=dict)
+    """for each rung the cameras it gives"""
 
 
 def widest_pair(R: Float) -> tuple[int, int]:
@@ -111,6 +128,7 @@ def compare_models(
     *,
     range_sigma_rad: float = 0.0,
     height_px: Float | None = None,
+    size_px: Float | None = None,
     further: tuple[Rung, ...] = (),
 ) -> ModelComparison:
     """Fit every rung of the ladder and compare.
@@ -122,6 +140,7 @@ def compare_models(
     settings : priors, noise and search; each rung has a camera model of its own
     range_sigma_rad : error bar of the total rotation under the chosen model
     height_px : (M,) heights of the images; without them drift within the frames is not tried
+    size_px : (M, 2) width and height of the images; without them their stretches are not tried
     further : rungs that were fitted elsewhere to as many of the tracks
 
     """
@@ -129,19 +148,29 @@ def compare_models(
     out = held_out_mask(obs)
     kept, held = obs.select(~out), obs.select(out)
 
-    def rung(name: str, fit: Adjustment[Any]) -> Rung:
+    rungs: list[Rung] = []
+    found: dict[str, OrthographicCameras] = {}
+
+    def add(
+        name: str, fit: Adjustment[Any], share: float = np.inf, seen: Observations = held
+    ) -> None:
         end, model = fit.state, fit.model
         A, t = model.cameras(end.params)
-        r = residuals(A, t, end.X, held.image_idx, held.track_idx, held.xy)
-        return Rung(
-            name=name,
-            range_deg=float(np.rad2deg(total_rotation(np.asarray(fit.cameras.cam_from_world)))),
-            bic=float(end.cost + model.num_params * np.log(2 * len(kept))),
-            held_out_px=float(np.sqrt(np.median(r**2))) if len(held) else float("nan"),
-            num_parameters=model.num_params,
+        r = residuals(A, t, end.X, seen.image_idx, seen.track_idx, seen.xy)
+        held_out_px = float(np.sqrt(np.median(r**2))) if len(held) else float("nan")
+        if held_out_px > share * min((rung.held_out_px for rung in rungs), default=np.inf):
+            return
+        found[name] = fit.cameras
+        rungs.append(
+            Rung(
+                name=name,
+                range_deg=float(np.rad2deg(total_rotation(np.asarray(fit.cameras.cam_from_world)))),
+                bic=float(end.cost + model.num_params * np.log(2 * len(kept))),
+                held_out_px=held_out_px,
+                num_parameters=model.num_params,
+            )
         )
 
-    rungs = []
     for name, model, sigma in LADDER:
         start = cameras
         if model == "orthographic":
@@ -151,31 +180,58 @@ def compare_models(
             start, kept, replace(settings, camera_model=model, scale_sigma=scale_sigma)
         )
         assert fit.value is not None
-        rungs.append(rung(name, fit.value))
+        add(name, fit.value)
     drift = None
     if height_px is not None:
         drifting = adjust_with_drift(cameras, kept, height_px, settings)
         assert drifting.value is not None
         drift = drifting.value.state.params[1]
-        rungs.append(rung(DRIFT_RUNG, drifting.value))
-    return replace(judge((*rungs, *further), np.rad2deg(range_sigma_rad)), drift_px=drift)
+        add(DRIFT_RUNG, drifting.value)
+    if size_px is not None and len(held) > 0:
+        if np.any(np.ptp(size_px, axis=0) > 0):
+            alike, seen = equal_sizes(kept, size_px), equal_sizes(held, size_px)
+            start = equal_sizes_of(cameras, size_px)
+            scaled = bundle_adjust(start, alike, settings)
+            assert scaled.value is not None
+            add(SIZES_RUNG, scaled.value, seen=seen)
+        wide = replace(settings, drift_sigma_px=STRETCH * float(np.mean(size_px[:, 1])))
+        stretched = adjust_with_drift(cameras, kept, size_px[:, 1].astype(np.float64), wide)
+        assert stretched.value is not None
+        add(STRETCH_RUNG, stretched.value, CLEAR_WIN)
+    verdict = judge((*rungs, *further), np.rad2deg(range_sigma_rad))
+    return replace(verdict, drift_px=drift, cameras=found)
+
+
+def equal_sizes(observations: Observations, size_px: Float) -> Observations:
+    """The observations in frames that are all scaled to the largest size."""
+    factor = size_px.max(axis=0) / size_px
+    return replace(observations, xy=observations.xy * factor[observations.image_idx])
+
+
+def equal_sizes_of(cameras: OrthographicCameras, size_px: Float) -> OrthographicCameras:
+    """Cameras to begin a fit with in such frames."""
+    factor = size_px.max(axis=0) / size_px
+    return replace(cameras, translation_px=cameras.translation_px * factor)
+
+
+def is_ruled_out(rung: Rung, rungs: Sequence[Rung]) -> bool:
+    """Whether the held-out residuals are clearly worse than the best rung's.
+
+    Where tracks are too short to hold anything out, as of three images, the BIC decides.
+    """
+    held = [other.held_out_px for other in rungs]
+    if np.all(np.isfinite(held)):
+        ratio = ALIVE_RATIO_SIZES if rung.name == SIZES_RUNG else ALIVE_RATIO
+        return rung.held_out_px > ratio * min(held)
+    least = min(other.bic for other in rungs)
+    return rung.bic > least + max(ALIVE_BIC, (ALIVE_RATIO**2 - 1.0) * abs(least))
 
 
 def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:
     """The best rung, the spread of the total rotation, and a sentence."""
     best = min(rungs, key=lambda rung: rung.bic)
-    # a rung is ruled out when its held-out residuals are clearly worse than the best one's
-    least = min(rung.held_out_px for rung in rungs)
-    alive = [r for r in rungs if not r.held_out_px > 1.05 * least]
+    alive = [rung for rung in rungs if not is_ruled_out(rung, rungs)]
     ranges = np.array([rung.range_deg for rung in alive])
-    written = next((r.range_deg for r in rungs if r.name == LADDER[1][0]), rungs[0].range_deg)
-    # without residuals that were held out, the criterion itself rules out
-    fits = [
-        r for r in alive if np.isfinite(r.held_out_px) or r.bic <= MAX_BIC_SHARE * abs(best.bic)
-    ]
-    disagreement = max(
-        (abs(r.range_deg - written) / max(written, 1e-12) for r in fits), default=0.0
-    )
     spread = float(np.ptp(ranges) / max(np.mean(ranges), 1e-12))
     limit = max(
         MIN_DISAGREEMENT, DISAGREEMENT_SIGMAS * range_sigma_deg / max(float(np.mean(ranges)), 1e-12)
@@ -195,5 +251,5 @@ def judge(rungs: tuple[Rung, ...], range_sigma_deg: float) -> ModelComparison:
         depth_uncertainty=spread,
         disagree=disagree,
         message=message,
-        disagreement=disagreement,
+        alive=tuple(rung.name for rung in alive),
     )

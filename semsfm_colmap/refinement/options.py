@@ -34,13 +34,19 @@ class RefinementOptions:
     """orthographic: one magnification; scaled: one an image; affine: also aspect and skew."""
     scale_sigma: float = 0.001
     """Prior: relative standard deviation of the magnification between images; SEMs have 0.0005 to
-    0.003."""
+    0.003. With magnification estimated, the smallest that is tried."""
+    magnification: Literal["estimated", "fixed"] = "estimated"
+    """Width of that prior: estimated from the series, where its images clearly differ by more, or
+    fixed at scale_sigma."""
     affine_sigma: float = 0.003
     """Prior: standard deviation of aspect - 1 and skew, with the affine camera model."""
     drift_sigma_px: float = 0.2
     """Prior of the scan drift, the displacement of the last row of a frame against the first:
-    standard deviation, px. After a guided pass the drift is estimated and taken out of the
-    observations; 0: neither is done."""
+    standard deviation, px. After a guided pass the drift is estimated and, where it is a finding,
+    taken out of the observations; 0: neither is done."""
+    scanned: Literal["auto", "yes", "no"] = "auto"
+    """Whether the images were scanned row by row: auto asks the headers and the databar. Of others
+    a drift is believed only where it leaves no doubt; no: none is sought."""
     drag_sigma_px: float = 1.0
     """Prior of the drag, by which shading pulls features down the slopes: standard deviation of its
     coefficient, px. After a guided pass it is estimated and taken out of the observations; 0:

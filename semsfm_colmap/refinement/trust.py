@@ -30,14 +30,15 @@ from semsfm_colmap.refinement.drag import (
 from semsfm_colmap.refinement.half_series import half_series
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
 from semsfm_colmap.refinement.model_choice import (
-    DRIFT_RUNG,
     MAX_TRACKS,
     ModelComparison,
     compare_models,
+    judge,
     thin_tracks,
     total_rotation,
     widest_pair,
 )
+from semsfm_colmap.refinement.model_spread import model_mode
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.perspective import PerspectiveFit, PerspectiveModel
 from semsfm_colmap.refinement.refine import Refined
@@ -47,15 +48,12 @@ from semsfm_colmap.refinement.uncertainty import (
     field_modes,
     relief_sigma,
     shared_mode,
-    stretch_mode,
     surface_patches,
     with_modes,
     with_relief,
 )
 from semsfm_colmap.types import Float
 
-MAX_STRETCHED_RAD = np.deg2rad(170.0)
-"""A larger total rotation is fixed by the turn itself, whatever the camera model."""
 PERSPECTIVE_SHARE = 0.5
 """Standard deviation of what perspective does that was not taken out, as a share of it."""
 MIN_UNCERTAINTY = 0.01
@@ -79,17 +77,47 @@ def covariance_of(
     return estimate_covariance(model, state, refined.observations, refined.sigma_px).value
 
 
+def compare(
+    refined: Refined,
+    options: RefinementOptions,
+    height_px: Float,
+    size_px: Float | None = None,
+    further: tuple[Rung, ...] = (),
+) -> ModelComparison:
+    """The ladder of camera models on the observations of a refined model.
+
+    Parameters
+    ----------
+    height_px, size_px : (M,) heights, (M, 2) widths and heights of the images registered
+    further : rungs that were fitted elsewhere
+
+    """
+    return compare_models(
+        refined.cameras,
+        refined.observations,
+        BundleSettings.of(options, refined.sigma_px, comparing_solver(options)),
+        height_px=height_px if options.drift_sigma_px > 0.0 else None,
+        size_px=size_px,
+        further=further,
+    )
+
+
 def uncertainty_of(
     refined: Refined,
     height_px: Float,
     displacement: Displacement,
+    *,
     left_in: PerspectiveFit | None = None,
+    comparison: ModelComparison | None = None,
+    camera_model: str = "scaled_orthographic",
 ) -> Uncertainty | None:
     """Error bars of a refined model in full, in parts; None where something is not determined.
 
     Parameters
     ----------
     left_in : perspective that was found but not taken out of the observations
+    comparison : the ladder of camera models, whose disagreement is one of the parts
+    camera_model : the one that is written
 
     """
     model, state = displaced_state(refined, height_px, displacement)
@@ -119,6 +147,10 @@ def uncertainty_of(
         field = view.field(0.0, obs.image_idx, obs.track_idx)[:, :, None]
         effect = left_in.kappa * field_modes(model, state, obs, sigma_px, cameras, field)
         modes["perspective"] = PERSPECTIVE_SHARE * effect
+    if comparison is not None:
+        apart = model_mode(comparison, camera_model, model.param_idx, model.num_params)
+        if apart is not None:
+            modes["models"] = apart
     found = Uncertainty(noise=noise, total=noise)
     found = with_modes(found, modes, model, state, obs, sigma_px)
     found = with_principal_point(found, displacement)
@@ -156,49 +188,23 @@ def displaced_state(
     return model, replace(state, params=undisplaced_params(model, refined.adjustment.state.params))
 
 
-def with_disagreement(
-    uncertainty: Uncertainty,
-    refined: Refined,
-    height_px: Float,
-    displacement: Displacement,
-    comparison: ModelComparison,
-) -> Uncertainty:
-    """The error bars with what the camera models that fit disagree on.
-
-    Beyond half a turn nothing is added: there the turn itself fixes the angles.
-    """
-    rotation = total_rotation(np.asarray(refined.cameras.cam_from_world))
-    share = comparison.disagreement
-    if not share > 0.0 or rotation > MAX_STRETCHED_RAD:
-        return uncertainty
-    model, state = displaced_state(refined, height_px, displacement)
-    mode = stretch_mode(model, refined.cameras, uncertainty.noise.cameras.gauge)
-    modes = {"models": share / np.sqrt(3.0) * mode[:, None]}
-    return with_modes(uncertainty, modes, model, state, refined.observations, refined.sigma_px)
-
-
 def reliability(
     refined: Refined,
     uncertainty: Uncertainty | None,
     options: RefinementOptions,
-    height_px: Float,
+    comparison: ModelComparison,
     names: Sequence[str],
-    displacement: Displacement,
     *,
     tilt_known: bool,
-    further: tuple[Rung, ...] = (),
-) -> tuple[Reliability, list[str], Uncertainty | None]:
+    drift_found: bool = False,
+) -> tuple[Reliability, list[str]]:
     """Total rotation with its error bar, the ladder of models, leave-one-out; and what they say.
 
     Parameters
     ----------
+    comparison : the ladder, as `uncertainty` has it
     names : of the images registered
-    displacement : what was taken out of the observations
-    further : rungs of the ladder that were fitted elsewhere
-
-    Returns
-    -------
-    figures, sentences, and the error bars with what the models disagree on
+    drift_found : a drift in the observations as they are is a finding
 
     """
     settings = BundleSettings.of(options, refined.sigma_px, comparing_solver(options))
@@ -206,25 +212,18 @@ def reliability(
     range_deg = float(np.rad2deg(total_rotation(np.asarray(refined.cameras.cam_from_world))))
     if uncertainty is not None:
         sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, uncertainty)))
-    comparison = compare_models(
-        refined.cameras,
-        refined.observations,
-        settings,
-        range_sigma_rad=np.deg2rad(sigma_deg),
-        height_px=height_px if options.drift_sigma_px > 0.0 else None,
-        further=further,
-    )
+        parts = total_rotation_parts(refined, uncertainty)
+        parts_deg = {name: float(np.rad2deg(part)) for name, part in parts.items()}
+    # what the models disagree on is no excuse for their disagreement
+    others = [part for name, part in (parts_deg or {}).items() if name != "models"]
+    verdict = judge(comparison.rungs, float(np.linalg.norm(others)) if others else 0.0)
+    comparison = replace(comparison, disagree=verdict.disagree, message=verdict.message)
     jackknife = leave_one_out(
         refined.cameras, thin_tracks(refined.observations, MAX_TRACKS), settings
     )
     halves = half_series(
         refined.cameras, thin_tracks(refined.observations, 2 * MAX_TRACKS), settings
     )
-    if uncertainty is not None:
-        uncertainty = with_disagreement(uncertainty, refined, height_px, displacement, comparison)
-        sigma_deg = float(np.rad2deg(total_rotation_sigma(refined, uncertainty)))
-        parts = total_rotation_parts(refined, uncertainty)
-        parts_deg = {name: float(np.rad2deg(part)) for name, part in parts.items()}
     drift = largest_drift_px(comparison)
     figures = Reliability(
         total_rotation_deg=range_deg,
@@ -242,10 +241,9 @@ def reliability(
             jackknife_deg=jackknife.jackknife_deg,
         ),
         half_series=halves,
-        scan_drift=ScanDriftFigures(largest_px=drift, best=comparison.best == DRIFT_RUNG),
+        scan_drift=ScanDriftFigures(largest_px=drift, best=drift_found),
     )
-    notes = reliability_notes(figures, comparison, tilt_known=tilt_known)
-    return figures, notes, uncertainty
+    return figures, reliability_notes(figures, comparison, tilt_known=tilt_known)
 
 
 def largest_drift_px(comparison: ModelComparison) -> float:
@@ -266,7 +264,7 @@ def reliability_notes(
         )
     if comparison.depth_uncertainty > MIN_UNCERTAINTY and comparison.disagree:
         notes.append(comparison.message)
-    if comparison.best == DRIFT_RUNG:
+    if figures.scan_drift is not None and figures.scan_drift.best:
         notes.append(
             "rows within the frames are displaced, the last against the first by up to "
             f"{largest_drift_px(comparison):.2f} px: stage creep or charging while a frame was "

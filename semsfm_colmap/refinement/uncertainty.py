@@ -24,9 +24,7 @@ mode of a shared parameter is the movement of all others with it, ``C e_c / C_cc
 *shading*: other fields by which shading may displace observations q(n); their modes are the
 response of the adjustment to them, ``-C J^T w (q - A X_q)`` with X_q the points that suit q best.
 
-*models*: what the rungs of the ladder (`model_choice`) that the images do not rule out disagree on,
-as a stretch of all angles: their largest difference from the one that is written is the bound of a
-uniform distribution.
+*models*: what the rungs of the ladder that the images do not rule out disagree on (`model_spread`).
 
 Points have one more part of their own, *relief*, along their normals (`relief_sigma`).
 """
@@ -42,12 +40,11 @@ import numpy as np
 from semsfm_colmap.geometry.eliminated import Eliminated, precision_of
 from semsfm_colmap.geometry.normals import nearest_neighbors
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
-from semsfm_colmap.geometry.rotations import nearest_rotation, vector_from_rotation
 from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.refinement.adjustment import PoseModel
 from semsfm_colmap.refinement.covariance import CameraCovariance, Covariance
 from semsfm_colmap.refinement.uncertainty_kernels import add_pull, fill_point_modes
-from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
+from semsfm_colmap.types import Float, Int, Observations
 
 NUM_PATCHES = 100
 """Patches of the surface: small enough to be many, large against what neighbours share."""
@@ -215,21 +212,6 @@ def with_modes(
         points=before.points + moved @ moved.transpose(0, 2, 1),
     )
     return replace(found, total=total, modes={**found.modes, **modes})
-
-
-def stretch_mode(model: PoseModel[Any], cameras: OrthographicCameras, N: Float) -> Float:
-    """All angles larger by their own size (n,): the rotation vectors against the mean image.
-
-    Parameters
-    ----------
-    N : (n, 6) orthonormal gauge, which is taken out
-
-    """
-    R = np.asarray(cameras.cam_from_world)
-    mean = nearest_rotation(R.sum(axis=0))
-    mode = np.zeros(len(N))
-    mode[model.param_idx[:, :3]] = vector_from_rotation(R @ mean.T)
-    return np.asarray(mode - N @ (N.T @ mode))
 
 
 def relief_sigma(points: Float, num_neighbors: int = 8) -> float:

@@ -53,7 +53,9 @@ def _verdict(metrics: Metrics) -> str:
     if verdict.doubts:
         body += f'<div class="doubts"><h3>What to doubt</h3>{bullets(verdict.doubts)}</div>'
     else:
-        body += "<h3>What to doubt</h3>" + bullets(["The checks of the report found nothing."])
+        nothing = "The checks of the report found nothing"
+        beside = " beside what the notes from the run say" if metrics.notes else ""
+        body += "<h3>What to doubt</h3>" + bullets([f"{nothing}{beside}."])
     if metrics.notes:
         body += f"<h3>Notes from the run</h3>{bullets(metrics.notes)}"
     kind = "verdict doubtful" if verdict.doubts else "verdict"

@@ -36,6 +36,25 @@ def fixed(value: float | None, digits: int) -> str:
     return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
+def measured(value: float, sigma: float | None, digits: int = 4) -> str:
+    """``114.7 ± 0.3``: to the digits of the standard deviation, two where it begins with 1 or 2.
+
+    Without one, so many significant digits.
+
+    Examples
+    --------
+    >>> measured(114.7163, 0.268), measured(9.97, 1.4), measured(57.7896, 0.0437)
+    ('114.72 ± 0.27', '10.0 ± 1.4', '57.79 ± 0.04')
+
+    """
+    if sigma is None or not math.isfinite(sigma) or sigma <= 0.0:
+        return number(value, digits)
+    leading = f"{sigma:e}"[0]
+    decimals = int(leading in "12") - math.floor(math.log10(sigma))
+    decimals = max(decimals, 0)
+    return f"{fixed(value, decimals)} ± {fixed(sigma, decimals)}"
+
+
 def count(value: int, noun: str) -> str:
     """``3 images``, ``1 image``, ``0 images``."""
     return f"{number(value)} {noun}" + ("" if value == 1 else "s")

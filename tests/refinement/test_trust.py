@@ -220,7 +220,7 @@ def test_models_agree_at_a_large_tilt_and_differ_at_a_small_one_with_drifting_ma
     rungs = {r.name: r for r in ladder(drifting).rungs}
     assert abs(rungs["orthographic"].range_deg - 10.0) > 1.0
     assert rungs["orthographic"].held_out_px > 1.05 * rungs["scaled, free"].held_out_px
-    # with three views nothing can be held out, and the disagreement is said
+    # with three views nothing can be held out: the BIC rules out the model that is wrong
     obs = drifting.observations
     three = obs.image_idx % 2 == 0
     local = take_subset(obs, images=np.array([0, 2, 4]), mask=three).observations
@@ -228,8 +228,8 @@ def test_models_agree_at_a_large_tilt_and_differ_at_a_small_one_with_drifting_ma
         drifting, observations=local, cameras=drifting.cameras.select(np.array([0, 2, 4]))
     )
     comparison = ladder(few)
-    assert comparison.depth_uncertainty > 0.05
-    assert "depth is uncertain by" in comparison.message
+    assert "orthographic" not in comparison.alive
+    assert {"scaled, prior", "scaled, free"} <= set(comparison.alive)
 
 
 def test_bic_prefers_the_simple_model_on_simple_data_and_the_scaled_one_on_scaled_data():

@@ -6,7 +6,7 @@ import pytest
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.motion.check import check_tilt
 from semsfm_colmap.motion.prior import TiltPrior
-from semsfm_colmap.records import TiltAgreement
+from semsfm_colmap.records import Reliability, TiltAgreement
 from semsfm_colmap.report.metrics import compute_metrics
 from semsfm_colmap.report.verdict import judge
 from semsfm_colmap.types import DepthSign, SemMetadata, SemSeries
@@ -221,3 +221,50 @@ def test_a_near_pinhole_is_doubted():
 def test_nothing_reconstructed_is_said_so(num_images):
     result = verdict(empty_reconstruction(num_images), names=["a", "b", "c"])
     assert any("There are no points" in doubt for doubt in result.doubts)
+
+
+def trusted(total_deg=36.0, sigma_deg=0.1, depth_uncertainty=0.0, **parts):
+    return Reliability(
+        total_rotation_deg=total_deg,
+        total_rotation_sigma_deg=sigma_deg,
+        total_rotation_sigma_parts_deg={"noise": 0.01, **parts},
+        depth_uncertainty=depth_uncertainty,
+        best_model="scaled, prior",
+        models=(),
+    )
+
+
+def judged(reliability, rec=None):
+    inputs = make_inputs(make_reconstruction(ANGLES) if rec is None else rec)
+    return judge(compute_metrics(replace(inputs, reliability=reliability)))
+
+
+def test_values_are_given_to_the_digits_of_their_sigma():
+    assert "turned through 36.00 ± 0.10°" in " ".join(judged(trusted()).facts)
+    assert "turned through 36 ± 3°" in " ".join(judged(trusted(sigma_deg=3.2)).facts)
+
+
+def test_models_that_disagree_by_a_fifth_are_doubted():
+    (doubt,) = judged(trusted(depth_uncertainty=0.2)).doubts
+    assert "by 20.0\u202f%" in doubt
+
+
+def test_an_uncertain_rotation_is_doubted_with_its_largest_cause():
+    (doubt,) = judged(trusted(sigma_deg=2.0, models=1.9)).doubts
+    assert "36 ± 2" in doubt or "36.0 ± 2.0" in doubt
+    assert "the choice of the camera model" in doubt
+
+
+def test_the_largest_doubt_comes_first():
+    rec = replace(
+        make_reconstruction(ANGLES),
+        depth_sign=DepthSign(status="ambiguous", confidence=0.6, evidence={}),
+    )
+    found = judged(trusted(sigma_deg=2.0, depth_uncertainty=0.2), rec).doubts
+    starts = ["The depth sign", "Camera models", "The total rotation"]
+    assert [doubt[: len(start)] for doubt, start in zip(found, starts, strict=True)] == starts
+
+
+def test_without_error_bars_the_whole_model_is_in_doubt():
+    none = replace(trusted(sigma_deg=0.0), total_rotation_sigma_parts_deg=None)
+    assert "No error bars" in judged(none).doubts[0]
