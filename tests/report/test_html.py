@@ -180,3 +180,9 @@ def test_the_guided_pass_is_told_with_its_figures_and_its_absence_too():
     text = " ".join(reader.text)
     for figure in ("finer than 2 px", "pass 4", "0.42 px", "13.8", "0.372", "0.161"):
         assert figure in text
+
+
+def test_a_verdict_without_doubts_points_to_the_notes_where_there_are_some():
+    sound = make_reconstruction(np.arange(10) * 4.0)
+    noted = render(make_inputs(sound, notes=("depth is uncertain by 20 %",), mesh=sphere()))
+    assert "found nothing beside what the notes from the run say." in noted
