@@ -215,8 +215,8 @@ class Reliability:
     total_rotation_sigma_deg: float
     """with everything in it"""
     total_rotation_sigma_parts_deg: Mapping[str, float] | None = None
-    """by cause: noise, clustered, drag, shading, models, perspective where it was found and left in;
-    None where no error bars can be given"""
+    """by cause: noise, clustered, drag, shading, models, and perspective where it was left in; None
+    where no error bars can be given"""
     relief_px: float | None = None
     """Standard deviation of each point by itself along its normal, in the points' covariances."""
     drag: DragFigures | None = None

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from semsfm_colmap.factorization.blocks import Part
-from semsfm_colmap.factorization.degeneracy import RankDiagnosis, diagnose_rank
+from semsfm_colmap.factorization.degeneracy import diagnose_rank
 from semsfm_colmap.factorization.factorize import Factorized, factorize_most, find_parts
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.mapping.context import Guide, SeriesContext, silent
@@ -19,9 +19,10 @@ from semsfm_colmap.mapping.drift import drift_notes
 from semsfm_colmap.mapping.finish import MappedPart, Settled, finish
 from semsfm_colmap.mapping.flat import find_flat, flat_note, settle_flat
 from semsfm_colmap.mapping.guided import Guided, refine_guided
+from semsfm_colmap.mapping.no_depth import without_depth
 from semsfm_colmap.mapping.perspective import Straight, judge_perspective, straighten
 from semsfm_colmap.mapping.tilt import with_known_tilt
-from semsfm_colmap.motion.prior import TiltPrior, known_tilts
+from semsfm_colmap.motion.prior import TiltPrior
 from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 from semsfm_colmap.records import FilteringRound
 from semsfm_colmap.refinement.displaced import Displacement
@@ -46,8 +47,6 @@ MAGNIFICATION_ROUNDS = 2
 MIN_PLANE_STRETCH = 1.01
 """Foreshortening between images that a tilt of 8 degrees explains, and the fraction of a degree of
 a model that lost its depth does not."""
-EQUAL_TILTS_DEG = 0.1
-"""Recorded tilts that differ by less are equal: stages are read to 0.1 deg at best."""
 
 
 def map_observations(
@@ -335,24 +334,3 @@ def guide_part(context: SeriesContext, first: First, rng: np.random.Generator) -
     if guided is None:
         context.say("guided pass: it finds less than is known already, and was left out")
     return guided
-
-
-def without_depth(rank: RankDiagnosis, tilt: TiltPrior | None, names: list[str]) -> tuple[str, str]:
-    """Status and sentence of a part whose images show no depth; recorded tilts may say why."""
-    if tilt is not None and rank.status == "pure_translation":
-        known = np.rad2deg(known_tilts(tilt, names)[0])
-        known = known[np.isfinite(known)]
-        span = float(np.ptp(known)) if len(known) > 1 else np.nan
-        if span < EQUAL_TILTS_DEG:
-            return (
-                "equal_tilts",
-                "the images show no depth: they were all recorded at the same tilt of "
-                f"{np.mean(known):.1f} deg ({tilt.source}); tilt the specimen between the images",
-            )
-        if span < SMALL_ROTATION_DEG:
-            return (
-                "tilt_too_small",
-                f"the images show no depth: the recorded tilts ({tilt.source}) span {span:.1f} deg "
-                "only, and what they would show is hidden in the noise; tilt further",
-            )
-    return rank.status, rank.message
