@@ -12,9 +12,10 @@ Only what is between them is ever replaced; the words around them are written by
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+
+from semsfm_colmap.io.atomic import write_text
 
 END = "<!-- end of tables -->"
 OPENING = "<!-- tables: "
@@ -59,9 +60,7 @@ def replaced(page: str, command: str, text: str) -> str:
 def put(page: Path, command: str, text: str) -> None:
     """Put tables between their markers in a file, written aside, then renamed."""
     before = page.read_text(encoding="utf-8") if page.is_file() else ""
-    aside = page.with_name(f".{page.name}.part")
-    aside.write_text(replaced(before, command, text), encoding="utf-8")
-    os.replace(aside, page)
+    write_text(replaced(before, command, text), page)
 
 
 def add_page_option(parser: argparse.ArgumentParser, *commands: str, flag: str = "") -> None:

@@ -9,7 +9,6 @@ Half a minute to two minutes a series on two cores.
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import tables
 from benchmarks.truth.pulls import coverage, measure, rms
 from benchmarks.truth.series import TEST, TRAIN, Series
 from semsfm_colmap.config import Config
@@ -96,7 +96,8 @@ def table(rows: Sequence[tuple[Series, dict[str, Any]]]) -> str:
 
 def main() -> None:
     """Run the command."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = tables.parser("truth", __doc__)
+    tables.add_page_option(parser, "truth")
     parser.add_argument("--folder", type=Path, required=True, help="renders and runs are kept here")
     parser.add_argument("--set", choices=("train", "test"), default="test")
     parser.add_argument("--only", default="", help="series whose names hold this")
@@ -116,6 +117,8 @@ def main() -> None:
             flush=True,
         )
     print(table(rows))
+    if args.markdown is not None:
+        tables.put(args.markdown, "truth", table(rows))
 
 
 if __name__ == "__main__":
