@@ -161,7 +161,10 @@ def _doubts_about_images(m: Metrics) -> Iterator[Doubt]:
                 ),
             )
     scale = np.array([pose.relative_scale for _, pose in rows])
-    if len(scale) and np.ptp(scale) > 2.0 * MAX_SCALE_SPREAD:
+    seen = None if m.reliability is None else m.reliability.perspective
+    # with perspective each image has a distance of its own
+    alike = seen is None or not seen.used
+    if alike and len(scale) and np.ptp(scale) > 2.0 * MAX_SCALE_SPREAD:
         yield Doubt(
             size=BEND * float(np.ptp(scale)),
             sentence=(
