@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.geometry.alignment import align_rotations
-from semsfm_colmap.geometry.eliminated import SolverOptions, minimise
+from semsfm_colmap.geometry.eliminated import minimise
 from semsfm_colmap.geometry.rotations import rotation_angle
+from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import BundleModel
 from semsfm_colmap.refinement.displaced import find_displacement, without_displacement
 from semsfm_colmap.refinement.drag import DragModel, doubt_px, drag_field, misfit_px, seen_normals
@@ -16,10 +17,9 @@ HEIGHT = 400.0
 
 
 def found(fit, **options):
-    chosen = {"drift_sigma_px": 0.2, "drag_sigma_px": 1.0, "scale_sigma": 0.001} | options
-    return find_displacement(
-        fit, np.full(len(fit.images), HEIGHT), solver=SolverOptions(), **chosen
-    )
+    chosen = {"drift_sigma_px": 0.2, "drag_sigma_px": 1.0} | options
+    settings = BundleSettings(sigma_px=fit.sigma_px, **chosen)
+    return find_displacement(fit, np.full(len(fit.images), HEIGHT), settings)
 
 
 def test_a_drag_of_one_pixel_turns_the_cameras_and_is_found():
@@ -68,8 +68,8 @@ def test_a_prior_of_zero_seeks_none():
 
 def test_the_depth_reversed_model_has_the_other_sign():
     displacement = found(refined(dragged_scene(1.0)))
-    given = displacement.drag_figures(reverse=False)["coefficient_px"]
-    assert displacement.drag_figures(reverse=True)["coefficient_px"] == -given
+    given = displacement.drag_figures(reverse=False).coefficient_px
+    assert displacement.drag_figures(reverse=True).coefficient_px == -given
 
 
 def test_the_normals_of_a_smooth_body_are_found_from_its_points():
