@@ -204,7 +204,7 @@ def settle(
         # what the images of a plane make of its angles has no say
         comparison = replace(comparison, rungs=comparison.rungs[:1], alive=())
     else:
-        value, agreement, notes = with_known_tilt(context, value, displacement, comparison)
+        value, agreement, notes = with_known_tilt(context, value, displacement)
     gap = first.start.figures.eigenvalue_gap
     if gap is not None and gap < WEAK_GAP:
         notes = [WEAK_NOTE, *notes]

@@ -14,7 +14,7 @@ from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import TiltAgreement
 from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.known_angles import angle_prior
-from semsfm_colmap.refinement.model_choice import ModelComparison, total_rotation
+from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.refine import Refined, adjust_with_angles
 from semsfm_colmap.refinement.trust import (
     covariance_of,
@@ -28,16 +28,14 @@ TIGHT = 0.1
 
 
 def with_known_tilt(
-    context: SeriesContext,
-    refined: Refined,
-    displacement: Displacement,
-    comparison: ModelComparison | None = None,
+    context: SeriesContext, refined: Refined, displacement: Displacement
 ) -> tuple[Refined, TiltAgreement | None, list[str]]:
     """Adjust with the known tilt when the images agree with it; else say so and leave it out.
 
     The adjusted angles are those of the images, all stretched by one factor (`combine_tilt`): how
     they lie to one another the images know better than any stage. The error bars stay those of the
-    images alone, what the camera models disagree on (`comparison`) among them.
+    images alone. What the camera models disagree on is not counted twice: `combine_tilt` has its
+    own measure of what a change of magnification does to the angles.
     """
     tilt = context.tilt
     if tilt is None:
@@ -53,13 +51,7 @@ def with_known_tilt(
         tolerance=None if np.isnan(check.tolerance) else check.tolerance,
     )
     known = angle_prior(*known_tilts(tilt, names))
-    uncertainty = uncertainty_of(
-        refined,
-        height_px,
-        displacement,
-        comparison=comparison,
-        camera_model=context.refinement.camera_model,
-    )
+    uncertainty = uncertainty_of(refined, height_px, displacement)
     if not check.consistent or known is None or uncertainty is None or np.isnan(check.factor):
         return refined, agreement, [check.message]
     combined = combine_tilt(check, total_rotation(R), total_rotation_sigma(refined, uncertainty))

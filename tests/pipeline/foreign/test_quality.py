@@ -31,13 +31,13 @@ def colmap_front_end(images, database):
 
 
 def quality(database, images, output, truth):
-    summary = map_database(database, output, image_path=images)
+    mapped = map_database(database, output, image_path=images)
     model = read_model(output / "0")
     stems = [name.rsplit(".", 1)[0] for name in truth.names]
     rows = [stems.index(name.rsplit(".", 1)[0]) for name in model.image_names]
     R = np.asarray(truth.cameras.cam_from_world)[rows]
     errors = best_hand_errors_deg(model.cameras.cam_from_world, R)
-    return summary, float(np.median(errors))
+    return mapped, float(np.median(errors))
 
 
 @pytest.mark.data
@@ -53,11 +53,11 @@ def test_nickel_through_colmap_alone_is_as_good_as_through_us(data_path, tmp_pat
     with capsys.disabled():
         for name, s, e in (("our front end", ours, our_error), ("COLMAP's", theirs, error)):
             print(
-                f"\n{name}: {s['num_images']} images, {s['num_points']} points, "
-                f"{s['num_observations']} observations, {s['rms_px']:.3f} px, {e:.4f} deg"
+                f"\n{name}: {s.num_images} images, {s.num_points} points, "
+                f"{s.num_observations} observations, {s.rms_px:.3f} px, {e:.4f} deg"
             )
-    assert theirs["num_images"] == ours["num_images"] == 13
-    assert theirs["num_observations"] > 0.9 * ours["num_observations"]
-    assert theirs["rms_px"] == pytest.approx(ours["rms_px"], rel=0.05)
+    assert theirs.num_images == ours.num_images == 13
+    assert theirs.num_observations > 0.9 * ours.num_observations
+    assert theirs.rms_px == pytest.approx(ours.rms_px, rel=0.05)
     # medians of 13 images with 0.04 deg: a hundredth is what they scatter by
     assert error < our_error + 0.01
