@@ -137,6 +137,13 @@ class BundleModel:
         return r, J
 
 
+def plain_model(num_images: int, scale_sigma: float) -> BundleModel:
+    """Orthographic cameras with magnifications of their own."""
+    return BundleModel.build(
+        num_images, free_scale=True, free_affine=False, scale_sigma=scale_sigma, affine_sigma=1.0
+    )
+
+
 def bundle_adjust(
     cameras: OrthographicCameras,
     observations: Observations,

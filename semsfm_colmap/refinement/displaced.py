@@ -10,7 +10,7 @@ import numpy as np
 from semsfm_colmap.geometry.perspective import Perspective
 from semsfm_colmap.records import DragFigures, PerspectiveFigures
 from semsfm_colmap.refinement.adjustment import BundleSettings, PoseModel
-from semsfm_colmap.refinement.bundle import BundleModel, adjust
+from semsfm_colmap.refinement.bundle import adjust, plain_model
 from semsfm_colmap.refinement.covariance import camera_covariance
 from semsfm_colmap.refinement.drag import (
     DragModel,
@@ -23,6 +23,7 @@ from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.perspective import PerspectiveModel
 from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.scan_drift import ScanDriftModel, without_drift
+from semsfm_colmap.refinement.shared_scalar import SharedScalarModel
 from semsfm_colmap.refinement.uncertainty import clustered_modes, shared_mode, surface_patches
 from semsfm_colmap.types import Float, Observations
 
@@ -97,18 +98,15 @@ def displacing_model(
     if principal_px is not None:
         model = PerspectiveModel.build(model, refined.cameras, refined.points, principal_px)
     if drag_sigma_px > 0.0:
-        model = DragModel(
-            base=model,
-            cam_from_world=np.asarray(refined.cameras.cam_from_world),
-            normals=seen_normals(refined.points, refined.cameras, refined.observations),
-            sigma_px=drag_sigma_px,
+        model = DragModel.build(
+            model, refined.cameras, refined.points, refined.observations, drag_sigma_px
         )
     return model
 
 
 def undisplaced_params(model: PoseModel[Any], cameras: Any) -> Any:
     """The parameters of a model with these cameras, no drift, no drag, no perspective."""
-    if isinstance(model, DragModel | PerspectiveModel):
+    if isinstance(model, SharedScalarModel):
         return undisplaced_params(model.base, cameras), 0.0
     if isinstance(model, ScanDriftModel):
         return cameras, np.zeros((len(model.height_px), 2))
@@ -132,9 +130,7 @@ def find_displacement(refined: Refined, height_px: Float, settings: BundleSettin
     drift_sigma_px, drag_sigma_px = settings.drift_sigma_px, settings.drag_sigma_px
     if drift_sigma_px <= 0.0 and drag_sigma_px <= 0.0:
         return Displacement.none(M)
-    base = BundleModel.build(
-        M, free_scale=True, free_affine=False, scale_sigma=settings.scale_sigma, affine_sigma=1.0
-    )
+    base = plain_model(M, settings.scale_sigma)
     model = displacing_model(
         base, height_px, refined, drift_sigma_px=drift_sigma_px, drag_sigma_px=drag_sigma_px
     )

@@ -18,15 +18,15 @@ that both are held while c is estimated, and neither's derivative is taken.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from scipy import sparse
 
 from semsfm_colmap.geometry.normals import estimate_normals
 from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.refinement.adjustment import PoseModel
 from semsfm_colmap.refinement.drag_kernels import fill_drag_field
+from semsfm_colmap.refinement.shared_scalar import SharedScalarModel
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
 
 P = TypeVar("P")
@@ -84,64 +84,44 @@ def seen_normals(points: Float, cameras: OrthographicCameras, observations: Obse
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DragModel(Generic[P]):
+class DragModel(SharedScalarModel[P]):
     """`CameraModel` of another one's parameters and the coefficient of the drag."""
 
-    base: PoseModel[P]
     cam_from_world: Float
     """(M, 3, 3) for the field only"""
     normals: Float
     """(N, 3)"""
-    sigma_px: float = DRAG_SIGMA_PX
+    sigma: float = DRAG_SIGMA_PX
+    """of the coefficient's prior, px"""
 
-    @property
-    def param_idx(self) -> Int:
-        """The base's parameters, then c, which all images share."""
-        base = self.base.param_idx
-        shared = np.full((len(base), 1), self.base.num_params, dtype=np.int64)
-        return np.concatenate([base, shared], axis=1)
-
-    @property
-    def num_params(self) -> int:
-        """One more than the base has."""
-        return self.base.num_params + 1
-
-    def poses(self, params: tuple[P, float]) -> OrthographicCameras:
-        """The cameras of the base."""
-        return self.base.poses(params[0])
-
-    def cameras(self, params: tuple[P, float]) -> tuple[Float, Float]:
-        """The base's; a drag is no affine camera, see `displacement`."""
-        return self.base.cameras(params[0])
+    @classmethod
+    def build(
+        cls,
+        base: PoseModel[P],
+        cameras: OrthographicCameras,
+        points: Float,
+        observations: Observations,
+        sigma: float = DRAG_SIGMA_PX,
+    ) -> DragModel[P]:
+        """With the normals of the points, on the side of the cameras that see them."""
+        return cls(
+            base=base,
+            cam_from_world=np.asarray(cameras.cam_from_world),
+            normals=seen_normals(points, cameras, observations),
+            sigma=sigma,
+        )
 
     def displacement(self, params: tuple[P, float], image_idx: Int, track_idx: Int) -> Float:
         """(O, 2) px: what is added to the image of an affine camera."""
         return params[1] * self.field(image_idx, track_idx)
 
+    def slope(self, params: tuple[P, float], image_idx: Int, track_idx: Int) -> Float:
+        """The field, whatever the coefficient."""
+        return self.field(image_idx, track_idx)
+
     def field(self, image_idx: Int, track_idx: Int) -> Float:
         """The module's f."""
         return drag_field(self.cam_from_world, self.normals, image_idx, track_idx)
-
-    def jacobian(self, params: tuple[P, float], X: Float, image_idx: Int, track_idx: Int) -> Float:
-        """That of the base, and f for the coefficient."""
-        base = self.base.jacobian(params[0], X, image_idx, track_idx)
-        J = np.empty((len(image_idx), 2, base.shape[2] + 1))
-        J[:, :, :-1] = base
-        J[:, :, -1] = self.field(image_idx, track_idx)
-        return J
-
-    def retract(self, params: tuple[P, float], step: Float) -> tuple[P, float]:
-        """The base's step; the coefficient is added."""
-        return self.base.retract(params[0], step[:-1]), params[1] + float(step[-1])
-
-    def prior(self, params: tuple[P, float]) -> tuple[Float, sparse.csr_array]:
-        """The base's, and a coefficient near zero."""
-        r, J = self.base.prior(params[0])
-        own = sparse.csr_array(np.array([[1.0 / self.sigma_px]]))
-        return (
-            np.append(r, params[1] / self.sigma_px),
-            sparse.csr_array(sparse.block_diag([J, own])),
-        )
 
 
 def shading_fields(cam_from_world: Float, normals: Float, image_idx: Int, track_idx: Int) -> Float:

@@ -22,17 +22,17 @@ of kappa as far as the two cannot be told apart.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from scipy import sparse
 
 from semsfm_colmap.geometry.eliminated import Displacing
 from semsfm_colmap.geometry.perspective import Perspective
 from semsfm_colmap.geometry.points import residuals
 from semsfm_colmap.refinement.adjustment import Adjustment, BundleSettings, PoseModel
-from semsfm_colmap.refinement.bundle import BundleModel, adjust
-from semsfm_colmap.refinement.drag import DRAG_SIGMA_PX, DragModel, seen_normals
+from semsfm_colmap.refinement.bundle import adjust, plain_model
+from semsfm_colmap.refinement.drag import DragModel
+from semsfm_colmap.refinement.shared_scalar import SharedScalarModel
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
 
 P = TypeVar("P")
@@ -55,10 +55,9 @@ SETTLED = 2e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PerspectiveModel(Generic[P]):
+class PerspectiveModel(SharedScalarModel[P]):
     """`CameraModel` of another one's parameters and kappa."""
 
-    base: PoseModel[P]
     seen_by: OrthographicCameras
     """for places and depths only"""
     points: Float
@@ -68,7 +67,7 @@ class PerspectiveModel(Generic[P]):
     centre: Float
     """(3,)"""
     sigma: float
-    """of the prior, 1/px"""
+    """of kappa's prior, 1/px"""
 
     @classmethod
     def build(
@@ -85,29 +84,9 @@ class PerspectiveModel(Generic[P]):
             sigma=PRIOR_PER_RADIUS / radius_of(points),
         )
 
-    @property
-    def param_idx(self) -> Int:
-        """The base's parameters, then kappa, which all images share."""
-        base = self.base.param_idx
-        shared = np.full((len(base), 1), self.base.num_params, dtype=np.int64)
-        return np.concatenate([base, shared], axis=1)
-
-    @property
-    def num_params(self) -> int:
-        """One more than the base has."""
-        return self.base.num_params + 1
-
     def perspective(self, kappa: float) -> Perspective:
         """With this model's reference points."""
         return Perspective(kappa=kappa, centre=self.centre, principal_px=self.principal_px)
-
-    def poses(self, params: tuple[P, float]) -> OrthographicCameras:
-        """The cameras of the base."""
-        return self.base.poses(params[0])
-
-    def cameras(self, params: tuple[P, float]) -> tuple[Float, Float]:
-        """The base's; perspective is no affine camera, see `displacement`."""
-        return self.base.cameras(params[0])
 
     def displacement(self, params: tuple[P, float], image_idx: Int, track_idx: Int) -> Float:
         """(O, 2) px: what is added to the image of an affine camera, the base's with it."""
@@ -118,32 +97,15 @@ class PerspectiveModel(Generic[P]):
             shown = shown + self.base.displacement(params[0], image_idx, track_idx)
         return shown
 
-    def jacobian(self, params: tuple[P, float], X: Float, image_idx: Int, track_idx: Int) -> Float:
-        """That of the base, and the slope for kappa."""
-        base = self.base.jacobian(params[0], X, image_idx, track_idx)
-        J = np.empty((len(image_idx), 2, base.shape[2] + 1))
-        J[:, :, :-1] = base
-        J[:, :, -1] = self.field(params[1], image_idx, track_idx)
-        return J
+    def slope(self, params: tuple[P, float], image_idx: Int, track_idx: Int) -> Float:
+        """The field at this kappa."""
+        return self.field(params[1], image_idx, track_idx)
 
     def field(self, kappa: float, image_idx: Int, track_idx: Int) -> Float:
         """Derivative of the displacement by kappa: (O, 2) px^2."""
         X, view = self.points[track_idx], self.perspective(kappa)
         q = self.seen_by.project(X, image_idx)
         return view.slope(q, view.depth(self.seen_by, X, image_idx), image_idx)
-
-    def retract(self, params: tuple[P, float], step: Float) -> tuple[P, float]:
-        """The base's step; kappa is added."""
-        return self.base.retract(params[0], step[:-1]), params[1] + float(step[-1])
-
-    def prior(self, params: tuple[P, float]) -> tuple[Float, sparse.csr_array]:
-        """The base's, and kappa near zero."""
-        r, J = self.base.prior(params[0])
-        own = sparse.csr_array(np.array([[1.0 / self.sigma]]))
-        return (
-            np.append(r, params[1] / self.sigma),
-            sparse.csr_array(sparse.block_diag([J, own])),
-        )
 
 
 def radius_of(points: Float) -> float:
@@ -218,10 +180,10 @@ def fit_perspective(
     drag, model, fit = 0.0, None, None
     for k in range(MAX_ROUNDS):
         scale_sigma = widened(settings.scale_sigma, kappa, radius_of(points))
-        base = plain_model(len(cameras), scale_sigma)
+        base: PoseModel[Any] = plain_model(len(cameras), scale_sigma)
         params: Any = cameras
         if beside_drag:
-            base = dragging(base, cameras, points, observations)
+            base = DragModel.build(base, cameras, points, observations)
             params = (cameras, drag)
         model = PerspectiveModel.build(base, cameras, points, principal_px)
         fit = adjust(model, (params, kappa), observations, settings).value
@@ -304,25 +266,6 @@ def find_principal_point(
         if np.linalg.norm(move) < SETTLED_SHARE * prior_px:
             break
     return PrincipalPoint(offset_px=place, sigma_px=float(np.sqrt(variance)), fit=at(place))
-
-
-def plain_model(num_images: int, scale_sigma: float) -> PoseModel[Any]:
-    """Orthographic cameras with magnifications of their own."""
-    return BundleModel.build(
-        num_images, free_scale=True, free_affine=False, scale_sigma=scale_sigma, affine_sigma=1.0
-    )
-
-
-def dragging(
-    base: PoseModel[Any], cameras: OrthographicCameras, points: Float, observations: Observations
-) -> PoseModel[Any]:
-    """The model with drag beside it."""
-    return DragModel(
-        base=base,
-        cam_from_world=np.asarray(cameras.cam_from_world),
-        normals=seen_normals(points, cameras, observations),
-        sigma_px=DRAG_SIGMA_PX,
-    )
 
 
 def without_perspective(

@@ -17,9 +17,9 @@ import numpy as np
 from semsfm_colmap.geometry.points import residuals
 from semsfm_colmap.records import PerspectiveFigures, Rung
 from semsfm_colmap.refinement.adjustment import Adjustment, BundleSettings
-from semsfm_colmap.refinement.bundle import adjust, bundle_adjust
+from semsfm_colmap.refinement.bundle import adjust, bundle_adjust, plain_model
 from semsfm_colmap.refinement.covariance import camera_covariance
-from semsfm_colmap.refinement.drag import MIN_POINTS
+from semsfm_colmap.refinement.drag import MIN_POINTS, DragModel
 from semsfm_colmap.refinement.model_choice import (
     MAX_TRACKS,
     MIN_DISAGREEMENT,
@@ -27,12 +27,7 @@ from semsfm_colmap.refinement.model_choice import (
     thin_tracks,
     total_rotation,
 )
-from semsfm_colmap.refinement.perspective import (
-    PerspectiveFit,
-    dragging,
-    fit_perspective,
-    plain_model,
-)
+from semsfm_colmap.refinement.perspective import PerspectiveFit, fit_perspective
 from semsfm_colmap.refinement.uncertainty import clustered_modes, shared_mode, surface_patches
 from semsfm_colmap.types import Float, Observations, OrthographicCameras
 
@@ -106,7 +101,9 @@ def choose_perspective(
     )
     rivals = []
     for scale_sigma in (settings.scale_sigma, fit.scale_sigma):
-        model = dragging(plain_model(len(cameras), scale_sigma), begin.cameras, begin.points, kept)
+        model = DragModel.build(
+            plain_model(len(cameras), scale_sigma), begin.cameras, begin.points, kept
+        )
         rival = adjust(model, (begin.cameras, 0.0), kept, settings).value
         assert rival is not None
         rivals.append(rival)

@@ -21,7 +21,7 @@ import numpy as np
 from scipy import sparse
 
 from semsfm_colmap.refinement.adjustment import Adjustment, BundleSettings, PoseModel
-from semsfm_colmap.refinement.bundle import BundleModel, adjust
+from semsfm_colmap.refinement.bundle import adjust, plain_model
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras, Solution
 
 DriftParams = tuple[OrthographicCameras, Float]
@@ -138,8 +138,6 @@ def adjust_with_drift(
 
     """
     M = len(cameras)
-    base = BundleModel.build(
-        M, free_scale=True, free_affine=False, scale_sigma=settings.scale_sigma, affine_sigma=1.0
-    )
+    base = plain_model(M, settings.scale_sigma)
     model = ScanDriftModel.build(base, settings.drift_sigma_px, height_px)
     return adjust(model, (cameras, np.zeros((M, 2))), observations, settings)
