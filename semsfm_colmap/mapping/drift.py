@@ -21,7 +21,7 @@ from semsfm_colmap.refinement.displaced import (
     without_displacement,
 )
 from semsfm_colmap.refinement.drift_claim import judge_drift
-from semsfm_colmap.refinement.refine import Refined, refine
+from semsfm_colmap.refinement.refine import Refined, adjust_again
 from semsfm_colmap.types import Float, Observations
 
 NOTED_DRIFT_PX = 0.1
@@ -45,12 +45,11 @@ def adjust_last(
     context: SeriesContext,
     value: Refined,
     observations: Observations,
-    *,
-    rng: np.random.Generator,
-) -> LastAdjustment | None:
-    """Adjust the observations as they would be in frames scanned at once, and without shading.
+) -> LastAdjustment:
+    """Adjust to the observations as they would be in frames scanned at once, and without shading.
 
-    None where that leaves fewer images.
+    Its inliers stay: drift and drag were estimated with them, and a selection that follows what
+    was just taken out leaves the optimum that it was found at.
     """
     options = context.refinement
     settings = BundleSettings.of(options, value.sigma_px, last_solver(options))
@@ -63,21 +62,10 @@ def adjust_last(
     still = observations
     if found.drift_sigma_px > 0.0 or found.drag_px != 0.0:
         still = without_displacement(observations, found, value, context.height_px)
-    last = refine(
-        value.cameras,
-        value.images,
-        still,
-        replace(options, filter_thresholds_px=options.filter_thresholds_px[-1:]),
-        rng=rng,
-        seed=context.seed,
-    ).value
-    if last is None or len(last.images) < len(value.images):
-        return None
-    drift = np.zeros((observations.num_images, 2))
-    drift[value.images] = found.drift_px
+    last = adjust_again(value, still, options)
     # what is too small to be found may be there all the same: the error bars keep its prior
     sigma_px = 0.0 if options.scanned == "no" else options.drift_sigma_px
-    found = replace(found, drift_px=drift[last.images], drift_sigma_px=sigma_px)
+    found = replace(found, drift_sigma_px=sigma_px)
     return LastAdjustment(refined=last, observations=still, displacement=found)
 
 

@@ -68,9 +68,7 @@ def refine_guided(
         return None
     value, grown = settled.refined, settled.grown
     found = with_own_sigma(grown, value) if guide.options.own_weights else grown.observations
-    end = adjust_last(context, value, found, rng=rng)
-    if end is None:
-        return None
+    end = adjust_last(context, value, found)
     last = end.refined
     return Guided(
         refined=last,

@@ -16,7 +16,7 @@ import numpy as np
 
 from semsfm_colmap.geometry.eliminated import SolverOptions
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
-from semsfm_colmap.geometry.subset import keep_tracks, take_subset, thin_evenly
+from semsfm_colmap.geometry.subset import keep_tracks, take_exactly, take_subset, thin_evenly
 from semsfm_colmap.records import FilteringRound
 from semsfm_colmap.refinement.adjustment import (
     Adjustment,
@@ -78,6 +78,36 @@ def adjust_with_angles(refined: Refined, angles: AnglePrior, options: Refinement
     )
     assert result.value is not None
     return replace(refined, cameras=result.value.cameras, points=result.value.points)
+
+
+def adjust_again(
+    refined: Refined, observations: Observations, options: RefinementOptions
+) -> Refined:
+    """Adjust to the same inliers at other places or of other weights.
+
+    Parameters
+    ----------
+    observations : all that the inliers were selected from, in the same order
+
+    """
+    kept = take_exactly(observations, refined.images, refined.tracks)
+    used = kept.observations.select(refined.inlier[kept.rows])
+    result = bundle_adjust(
+        refined.cameras, used, BundleSettings.of(options, refined.sigma_px, last_solver(options))
+    )
+    adjustment = result.value
+    assert adjustment is not None
+    r = adjustment.residuals
+    pointer = track_pointer(used.track_idx, used.num_tracks)
+    return replace(
+        refined,
+        cameras=adjustment.cameras,
+        points=adjustment.points,
+        sigma_px=noise_sigma(r, used.precision, pointer, len(refined.images)),
+        observations=used,
+        adjustment=adjustment,
+        rms_px=float(np.sqrt(np.mean(r**2))),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -39,7 +39,7 @@ def last(seed, options=OPTIONS):
         factorization=FactorizationOptions(),
         refinement=options,
     )
-    end = adjust_last(context, first, observations, rng=np.random.default_rng(0))
+    end = adjust_last(context, first, observations)
     return s, first, end
 
 
