@@ -6,7 +6,9 @@ with errors of cameras, points and matches at realistic levels, and models fitte
 training scenes the factors between t statistics and log odds are fitted (printed beside the ones in
 use, which are constants of semsfm_colmap.refinement.depth_reversal.visibility); the tables are of
 the test scenes with the ones in use. --end-to-end takes tracks through factorization and
-refinement. --project adds mapped projects, with their truth where there is one.
+refinement. --renders adds forty rendered series with strong shading, charging, blur and without
+background, taken from their images to the hand. --project adds mapped projects, with their truth
+where there is one.
 
 About half a second a scene. --rows keeps what was measured; a second run then only fits and prints.
 """
@@ -23,6 +25,7 @@ from pathlib import Path
 from benchmarks import tables
 from benchmarks.depth_sign.calibration import by_kind, fit, reliability
 from benchmarks.depth_sign.projects import project_row
+from benchmarks.depth_sign.rendered import rendered
 from benchmarks.depth_sign.scenes import (
     HOLLOW,
     SIGMA_TILT_DEG,
@@ -60,7 +63,7 @@ def collect(args: argparse.Namespace) -> dict[str, list[Row]]:
     return rows
 
 
-def report(rows: dict[str, list[Row]], projects: Iterable[str]) -> str:
+def report(rows: dict[str, list[Row]], projects: Iterable[str], renders: Path | None) -> str:
     """The tables, in Markdown."""
     fitted = fit(rows["train"])
     test, hollow, noise, through = (rows[k] for k in ("test", "hollow", "noise", "through"))
@@ -93,6 +96,8 @@ def report(rows: dict[str, list[Row]], projects: Iterable[str]) -> str:
             by_kind(mapped, False),
             reliability(mapped, False),
         ]
+    if renders is not None:
+        parts += ["### Rendered series, from images to the hand", rendered(renders)]
     series = [project_row(text) for text in projects]
     if series:
         head = ["series", "images", "points", *in_use.CUES, "status", "confidence", "hand"]
@@ -110,11 +115,12 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=300)
     parser.add_argument("--end-to-end", type=int, default=20)
     parser.add_argument("--rows", help="where to keep the measurements")
+    parser.add_argument("--renders", type=Path, help="renders and maps hard series below it")
     parser.add_argument("--project", nargs="*", default=[], help="FOLDER[:TRUTH]")
     tables.add_page_option(parser, "depth_sign")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
-    text = report(collect(args), args.project)
+    text = report(collect(args), args.project, args.renders)
     print(text)
     if args.markdown:
         tables.put(args.markdown, "depth_sign", text)

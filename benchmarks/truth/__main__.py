@@ -1,5 +1,8 @@
 """Pulls of rendered series: total rotation, single rotations, points, distances between points.
 
+Larger series are mapped twice, with the drag and the error bars in parts and without; --cases adds
+what is said of inputs that were once answered wrongly.
+
 Renders each series of a set into --folder, takes it through the map stage and compares it with its
 exact truth. Renders, features and matches are kept, and what was measured: a second run goes on
 where the first was stopped. --again maps and measures anew, for another version of the program.
@@ -9,50 +12,23 @@ Half a minute to two minutes a series on two cores.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks import tables
-from benchmarks.truth.pulls import coverage, measure, rms
-from benchmarks.truth.series import TEST, TRAIN, Series
-from semsfm_colmap.config import Config
-from semsfm_colmap.errors import InputError
-from semsfm_colmap.pipeline.runner import run_stages
-from semsfm_colmap.synthetic.series import synthesize
+from benchmarks.truth.before import before_and_after
+from benchmarks.truth.cases import answers
+from benchmarks.truth.measured import one
+from benchmarks.truth.pulls import coverage, rms
+from benchmarks.truth.series import LARGE, TEST, TRAIN, Series
 
 QUANTITIES = ("rotation_pulls", "point_pulls", "distance_pulls")
 
 
-def one(series: Series, folder: Path, *, again: bool, num_threads: int) -> dict[str, Any]:
-    """Render, map and measure a series, or read what was measured before."""
-    home = folder / series.name
-    result = home / "pulls.json"
-    if result.is_file() and not again:
-        return dict(json.loads(result.read_text()))
-    if not (home / "series" / "truth.json").is_file():
-        synthesize(home / "series", series.options, lambda done, total: None)
-    config = replace(Config(), num_threads=num_threads)
-    try:
-        record = run_stages(
-            home / "project",
-            config,
-            names=("ingest", "extract", "match", "map"),
-            image_path=home / "series" / "images",
-        )
-        found = measure(home / "project" / "sparse" / "0", home / "series")
-        found["map_seconds"] = record.stages["map"].seconds
-    except InputError as error:
-        found = {"failure": str(error)}
-    result.write_text(json.dumps(found))
-    return found
-
-
-def table(rows: Sequence[tuple[Series, dict[str, Any]]]) -> str:
+def pulls_table(rows: Sequence[tuple[Series, dict[str, Any]]]) -> str:
     """One line a series, one line a row of series, one for all."""
     lines = [
         "| series | images | total deg | error deg | sigma deg | pull | median rotation deg "
@@ -99,26 +75,47 @@ def main() -> None:
     parser = tables.parser("truth", __doc__)
     tables.add_page_option(parser, "truth")
     parser.add_argument("--folder", type=Path, required=True, help="renders and runs are kept here")
-    parser.add_argument("--set", choices=("train", "test"), default="test")
+    parser.add_argument("--set", choices=("large", "train", "test", "all"), default="all")
     parser.add_argument("--only", default="", help="series whose names hold this")
     parser.add_argument("--again", action="store_true", help="map and measure anew")
     parser.add_argument("--num_threads", type=int, default=-1)
+    parser.add_argument("--series", type=Path, nargs="*", default=[], help="further large series")
+    parser.add_argument("--cases", type=Path, help="folder of the cases")
     args = parser.parse_args()
-    rows = []
-    for series in TRAIN if args.set == "train" else TEST:
-        if args.only not in series.name:
+    how = {"again": args.again, "num_threads": args.num_threads}
+    parts = []
+    if args.set in ("large", "all"):
+        some = [series for series in LARGE if args.only in series.name]
+        parts += [
+            "### Larger series, without and with the drag and the error bars in parts",
+            before_and_after(some, args.series, args.folder, **how),
+        ]
+    for name, members in (("test", TEST), ("train", TRAIN)):
+        if args.set not in ((name, "all") if name == "test" else (name,)):
             continue
-        rows.append((series, one(series, args.folder, again=args.again,
-                                 num_threads=args.num_threads)))  # fmt: skip
-        found = rows[-1][1]
-        print(
-            f"{series.name}: "
-            + (found.get("failure") or f"pull {found['total_pull']:+.2f} of the total rotation"),
-            flush=True,
-        )
-    print(table(rows))
+        rows = []
+        for series in members:
+            if args.only not in series.name:
+                continue
+            rows.append((series, one(series, args.folder, **how)))
+            found = rows[-1][1]
+            print(
+                f"{series.name}: "
+                + (
+                    found.get("failure") or f"pull {found['total_pull']:+.2f} of the total rotation"
+                ),
+                flush=True,
+            )
+        parts += [f"### {len(rows)} series", pulls_table(rows)]
+    if args.cases is not None:
+        parts += [
+            "### Cases that once were answered wrongly",
+            answers(args.cases, args.folder, num_threads=args.num_threads),
+        ]
+    text = "\n\n".join(parts)
+    print(text)
     if args.markdown is not None:
-        tables.put(args.markdown, "truth", table(rows))
+        tables.put(args.markdown, "truth", text)
 
 
 if __name__ == "__main__":

@@ -61,9 +61,18 @@ def measure(model_path: Path, truth_path: Path) -> dict[str, Any]:
         "drag": said.get("drag", {}),
         "total_pull": float(np.rad2deg(total_error)) / sigma,
         "rotation_error_median_deg": float(np.rad2deg(np.median(hands[k].rotation_error_rad))),
+        "step_ratio": float(np.sum(steps(R)) / np.sum(steps(T))),
+        "hand_right": k == 0,
+        "hand_confidence": model.depth_sign.confidence,
         "rotation_pulls": (error / model.sigma_rotation_rad).ravel().tolist(),
         **points,
     }
+
+
+def steps(cam_from_world: Float) -> Float:
+    """Angles from each image to the next, rad."""
+    R = cam_from_world
+    return rotation_angle(R[1:] @ R[:-1].transpose(0, 2, 1))
 
 
 def point_pulls(model: Any, to_truth: Any, truth: Any) -> dict[str, Any]:

@@ -1,10 +1,11 @@
-"""The rendered series: a training set, on which constants are chosen, and a test set."""
+"""The rendered series: a training set, on which constants are chosen, a test set, larger ones."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
-from semsfm_colmap.synthetic.options import SynthesizeOptions
+from semsfm_colmap.synthetic.options import SynthesizeOptions, example_options
 
 BASE = SynthesizeOptions(width_px=420, height_px=360, databar_rows=30, image_format="tif")
 SHADING = {
@@ -12,6 +13,7 @@ SHADING = {
     "weak": {"secant_exponent": 0.6, "detector_strength": 0.2},
     "strong": {"secant_exponent": 1.2, "detector_strength": 0.8},
     "albedo": {"albedo_contrast": 0.35},
+    "no edges": {"edge_strength": 0.0},
     "none": {
         "secant_exponent": 0.0,
         "detector_strength": 0.0,
@@ -67,7 +69,6 @@ TRAIN = (
 )
 """The constants of `refinement.drag` and `refinement.uncertainty` were chosen on these."""
 
-_KINDS = ("usual", "strong", "albedo", "weak", "usual", "none", "strong", "usual", "weak", "usual")
 SHADINGS = (
     *("usual", "strong", "albedo", "weak", "usual"),
     *("none", "strong", "usual", "weak", "usual"),
@@ -97,3 +98,37 @@ TEST = (
     *ten("field", ("field",), 261, ((13, 60), (21, 80), (5, 10), (7, 20), (9, 40))),
 )
 """Four rows of ten that nothing was chosen on."""
+
+
+def large(name: str, scene: str, seed: int, shading: str = "usual", **options: Any) -> Series:
+    """A series of the example's size."""
+    return Series(
+        name=name,
+        row=scene,
+        options=replace(
+            example_options(),
+            scene=scene,  # type: ignore[arg-type]
+            seed=seed,
+            **SHADING[shading],  # type: ignore[arg-type]
+            **options,
+        ),
+    )
+
+
+FIELD: dict[str, Any] = {"num_images": 21, "range_deg": 60.0, "step_deg": None}
+LARGE = (
+    large("example", "grain", 7),
+    large("grain 11", "grain", 11),
+    large("grain 15", "grain", 15),
+    large("grain 17", "grain", 17),
+    large("grain 12, weak shading", "grain", 12, "weak"),
+    large("grain 13, strong shading", "grain", 13, "strong"),
+    large("grain 14, more albedo", "grain", 14, "albedo"),
+    large("example, no edges brightened", "grain", 7, "no edges"),
+    large("example, no shading", "grain", 7, "none"),
+    large("clump 31", "clump", 31),
+    large("clump 32, strong shading", "clump", 32, "strong"),
+    large("field 21", "field", 21, **FIELD),
+    large("field 22", "field", 22, **FIELD),
+)
+"""The example, and others as large, on which the bias was first seen."""

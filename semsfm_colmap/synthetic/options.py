@@ -78,6 +78,9 @@ class SynthesizeOptions:
     """Electrons counted in a pixel of grey value 0.4: the shot noise."""
     psf_px: float = 0.8
     """Standard deviation of the beam profile, varied by 10 % between images."""
+    charging: float = 0.0
+    """Charge of a specimen that does not conduct, 0 to 1: dark streaks behind bright parts along
+    the scan lines and a glow that is another in each image."""
     gain_change: float = 0.06
     """Standard deviation of the relative brightness between images."""
     row_jitter_px: float = 0.1

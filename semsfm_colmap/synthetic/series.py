@@ -87,6 +87,7 @@ def synthesize(
             psf_px=float(motion.psf_px[i]),
             counts=options.counts,
             rng=frame_rng,
+            charging=options.charging,
         )
         if options.databar:
             bar = draw_databar(

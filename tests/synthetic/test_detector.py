@@ -9,6 +9,7 @@ from semsfm_colmap.synthetic.detector import (
     BACKGROUND,
     MEDIAN_GREY,
     SHOULDER,
+    charged,
     compressed,
     expose,
     exposure_of,
@@ -82,3 +83,22 @@ def test_the_display_curve_is_linear_below_its_shoulder_and_never_reaches_white(
     np.testing.assert_allclose(y[below], x[below])
     assert np.all(np.diff(y) > 0)
     assert y.max() < 1.0
+
+
+def test_a_charged_specimen_is_dark_behind_its_bright_parts_along_the_scan_line() -> None:
+    grey = np.full((60, 200), 0.2, np.float32)
+    grey[30, 80:100] = 0.9
+    charged_grey = charged(grey, 1.0, np.random.default_rng(0))
+    clean = np.full((60, 200), 0.2, np.float32)
+    without = charged(clean, 1.0, np.random.default_rng(0))
+    ratio = charged_grey / without
+    before, behind, later = ratio[30, 75], ratio[30, 102], ratio[30, 190]
+    assert behind < 0.95 * before
+    assert behind < 0.95 * later
+    # it fades within a few lines
+    assert ratio[31, 102] < ratio[36, 102] < ratio[50, 102]
+
+
+def test_without_charge_nothing_changes() -> None:
+    grey = np.random.default_rng(1).uniform(size=(20, 30)).astype(np.float32)
+    np.testing.assert_array_equal(charged(grey, 0.0, np.random.default_rng(0)), grey)
