@@ -38,12 +38,12 @@ def compared(home: Path, series: Path, *, again: bool, num_threads: int) -> dict
     if result.is_file() and not again:
         return dict(json.loads(result.read_text()))
     config = replace(Config(), num_threads=num_threads)
-    now = measured(home / "project", series, config)
+    now = measured(home / "project", series, config, again=again)
     plain = home / "project_without_drag"
     shutil.rmtree(plain, ignore_errors=True)
     shutil.copytree(home / "project", plain)
     without = replace(config, refinement=replace(config.refinement, drag_sigma_px=0.0))
-    before = measured(plain, series, without)
+    before = measured(plain, series, without, again=True)
     shutil.rmtree(plain)
     result.write_text(json.dumps({"now": now, "before": before}))
     return {"now": now, "before": before}

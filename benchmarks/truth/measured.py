@@ -15,6 +15,7 @@ from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.synthetic.series import synthesize
 
 STAGES = ("ingest", "extract", "match", "map")
+"""Of a model; the last one is run anew where that is asked for."""
 
 
 def rendered(home: Path, series: Series) -> None:
@@ -23,10 +24,11 @@ def rendered(home: Path, series: Series) -> None:
         synthesize(home / "series", series.options)
 
 
-def measured(project: Path, series: Path, config: Config) -> dict[str, Any]:
-    """Errors and pulls of a series, or why it gives no model; stages that are done are kept."""
+def measured(project: Path, series: Path, config: Config, *, again: bool) -> dict[str, Any]:
+    """Errors and pulls of a series, or why it gives no model; matches that are there are kept."""
     try:
-        record = run_stages(project, config, names=STAGES, image_path=series / "images")
+        run_stages(project, config, names=STAGES[:-1], image_path=series / "images")
+        record = run_stages(project, config, names=STAGES[-1:], force=again)
         found = measure(project / "sparse" / "0", series)
         return {**found, "map_seconds": record.stages["map"].seconds}
     except InputError as error:
@@ -41,6 +43,6 @@ def one(series: Series, folder: Path, *, again: bool, num_threads: int) -> dict[
         return dict(json.loads(result.read_text()))
     rendered(home, series)
     config = replace(Config(), num_threads=num_threads)
-    found = measured(home / "project", home / "series", config)
+    found = measured(home / "project", home / "series", config, again=again)
     result.write_text(json.dumps(found))
     return found
