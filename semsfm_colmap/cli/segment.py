@@ -16,7 +16,7 @@ from semsfm_colmap.cli.common import (
     verbosity,
 )
 from semsfm_colmap.segmentation.cuts import Cut
-from semsfm_colmap.segmentation.labels import DROPPED, NAMES
+from semsfm_colmap.segmentation.names import DROPPED, NAMES
 from semsfm_colmap.segmentation.options import SegmentationOptions
 
 DESCRIPTION = """Tell the parts of a project's surface apart and label them (docs/segmentation.md).

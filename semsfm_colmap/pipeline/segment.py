@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import file_aside, folder_aside, write_json
 from semsfm_colmap.pipeline.project import Project, check_output, locked
-from semsfm_colmap.segmentation.labels import (
+from semsfm_colmap.segmentation.names import (
     CLOUD_FILE,
     MASKS,
     MESH_FILE,
@@ -126,11 +126,13 @@ def write_segments(
             write_labelled(sparse, sparse_label, aside / POINTS_FILE)
         specimen = labelling.label == SPECIMEN
         sizes = model.image_size_px.tolist()
+        source_names = names_of_sources(project)
         for i, name in enumerate(model.image_names):
             mask = part_mask(
                 cloud.points, specimen, model.cameras, i, (sizes[i][0], sizes[i][1]), spacing
             )
-            write_png(mask, aside / MASKS / f"{name}.png")
+            for known in {name, source_names.get(name, name)}:
+                write_png(mask, aside / MASKS / f"{known}.png")
         write_png(
             draw_parts(cloud, labelling, list(picture_views(model)), spacing), aside / PICTURE_FILE
         )
@@ -148,6 +150,14 @@ def write_segments(
         for part in table["parts"]:
             reporter.say(sentence(part, model.world_unit))
     return table
+
+
+def names_of_sources(project: Project) -> dict[str, str]:
+    """Names of the source images, by which `--masks_path` finds masks, of the prepared ones."""
+    if not project.series.is_file():
+        return {}
+    frames = project.read_series().frames
+    return {f.name: str(PurePosixPath(f.name).with_name(Path(f.source_path).name)) for f in frames}
 
 
 def sentence(part: dict[str, Any], unit: str) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.io.atomic import write_text
 from semsfm_colmap.segmentation.cuts import NUM_VALUES, TEXTS, Cut, CutKind
-from semsfm_colmap.segmentation.labels import DROPPED, NAMES
+from semsfm_colmap.segmentation.names import DROPPED, NAMES
 
 HEAD = "# Cuts of `semsfm segment`, in their order; delete a line to take a cut back.\n"
 

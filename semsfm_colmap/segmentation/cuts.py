@@ -24,7 +24,8 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.grey import read_mask
-from semsfm_colmap.segmentation.labels import DROPPED, NAMES, Labelling
+from semsfm_colmap.segmentation.labels import Labelling
+from semsfm_colmap.segmentation.names import DROPPED, NAMES
 from semsfm_colmap.types import Bool, Float, Int, OrthographicCameras, PointCloud
 
 CutKind = Literal["box", "sphere", "plane", "masks", "keep", "drop"]

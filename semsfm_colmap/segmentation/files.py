@@ -14,7 +14,7 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.ply import PlyFile, read_ply_file, write_ply_file
-from semsfm_colmap.segmentation.labels import CLOUD_FILE, TABLE_FILE
+from semsfm_colmap.segmentation.names import CLOUD_FILE, TABLE_FILE
 from semsfm_colmap.types import Float, Int, PointCloud
 
 LABEL = "label"

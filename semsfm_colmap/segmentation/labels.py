@@ -1,33 +1,14 @@
-"""The parts: their names, the numbers that stand for them in files, and what a labelling holds."""
+"""What a labelling of a cloud holds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.segmentation.names import NAMES, SPECIMEN
 from semsfm_colmap.types import Bool, Float, Int
-
-DROPPED, SPECIMEN, COIL, STALK, SUBSTRATE = range(5)
-NAMES: dict[int, str] = {
-    DROPPED: "dropped",
-    SPECIMEN: "specimen",
-    COIL: "coil",
-    STALK: "stalk",
-    SUBSTRATE: "substrate",
-}
-"""Numbers in the `label` property of PLY files; names that a person adds are numbered from 5 on."""
-
-
-CLOUD_FILE = "fused.ply"
-MESH_FILE = "mesh.ply"
-POINTS_FILE = "points.ply"
-TABLE_FILE = "segments.json"
-PICTURE_FILE = "segments.png"
-MASKS = "masks"
-"""Names below PROJECT/segments."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,7 +22,6 @@ class Labelling:
     names: Mapping[int, str]
     message: str = ""
     """why it came out so, in a sentence"""
-    diagnostics: Mapping[str, Any] = field(default_factory=dict)
 
     def is_part(self, name: str) -> Bool:
         """(N,) the points of the part of that name; none where there is no such part."""

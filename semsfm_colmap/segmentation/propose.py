@@ -14,15 +14,8 @@ import numpy as np
 from semsfm_colmap.geometry.normals import sampling_distance
 from semsfm_colmap.segmentation import substrate, support
 from semsfm_colmap.segmentation.contact import OUTWARD, BorderContact, find_contact
-from semsfm_colmap.segmentation.labels import (
-    COIL,
-    NAMES,
-    SPECIMEN,
-    STALK,
-    SUBSTRATE,
-    Labelling,
-    whole,
-)
+from semsfm_colmap.segmentation.labels import Labelling, whole
+from semsfm_colmap.segmentation.names import COIL, NAMES, SPECIMEN, STALK, SUBSTRATE
 from semsfm_colmap.segmentation.options import SegmentationOptions
 from semsfm_colmap.segmentation.patches import connected_patches
 from semsfm_colmap.segmentation.roughness import surface_variation
@@ -52,7 +45,9 @@ def propose(
 
     """
     points = np.asarray(cloud.points)
-    if len(points) < MIN_POINTS or cloud.normals is None:
+    if cloud.normals is None:
+        return whole(len(points), "the cloud has no normals, without which no part shows")
+    if len(points) < MIN_POINTS:
         return whole(len(points), f"{len(points)} points are too few to tell parts apart")
     contact = find_contact(points, cameras, image_size_px, options)
     if not contact.touches.any():

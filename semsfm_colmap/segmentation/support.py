@@ -31,14 +31,14 @@ import numpy as np
 from semsfm_colmap.segmentation.options import SegmentationOptions
 from semsfm_colmap.types import Bool, Float
 
-SLICE_SPACINGS = 6.0
+SLICE_SPACINGS = 3.0
 """Length of a slice, in spacings of the cloud."""
 PROFILE_PERCENTILE = 95.0
 MIN_SLICE_POINTS = 10
 NUM_BINS = 24
 MAX_LOG_ODDS = 6.0
 """Bound on what the cues together say: 1 in 400."""
-MIN_LENGTH_RADII = 0.3
+MIN_LENGTH_RADII = 0.6
 """A support is at least this long, in its own radii: shorter is a body cut by the frame."""
 LASTING_SLICES = 3
 """A widening lasts for this many slices."""
@@ -49,7 +49,7 @@ MIN_TURNS = 1.0
 """A helix is told from a bent rod when the support shows at least one turn of it."""
 MIN_HELIX_STRENGTH = 0.3
 """Between a round stalk, 0, and a ribbon that covers half of a turn, 0.64."""
-START_SLICES = 4
+START_SLICES = 3
 """Slices at the border that the first axis is fitted to."""
 
 

@@ -11,7 +11,7 @@ from semsfm_colmap.io.layout import MESH_FOLDER
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import MeshRecord
-from semsfm_colmap.segmentation.labels import CLOUD_FILE
+from semsfm_colmap.segmentation.names import CLOUD_FILE
 from semsfm_colmap.segmentation.options import ALL
 
 if TYPE_CHECKING:
