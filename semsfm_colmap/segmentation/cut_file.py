@@ -65,7 +65,7 @@ def check_cut(cut: Cut, where: str) -> Cut:
         raise UsageError(f"{where}: the plane has no normal: a, b and c are all 0")
     if cut.kind in TEXTS and not cut.text:
         raise UsageError(
-            f"{where}: {cut.kind} needs a {'folder' if cut.kind == 'masks' else 'name'}"
+            f"{where}: {cut.kind} needs the name of a {'folder' if cut.kind == 'masks' else 'part'}"
         )
     if not cut.label:
         raise UsageError(f"{where}: the label is empty")

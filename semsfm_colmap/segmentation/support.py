@@ -169,10 +169,10 @@ def log_odds(support: Support, roughness: Float) -> Float:
         odds += _ratio(support.phase, support.phase[held], edges, np.diff(edges))
     log_rough = np.log(np.maximum(roughness, 1e-9))
     known = log_rough[held | carried]
-    edges = np.quantile(known, np.linspace(0.0, 1.0, NUM_BINS + 1))
-    edges = np.unique(edges)
-    other = np.histogram(log_rough[carried], bins=edges)[0] + 1.0
-    odds += _ratio(log_rough, log_rough[held], edges, other / other.sum())
+    edges = np.unique(np.quantile(known, np.linspace(0.0, 1.0, NUM_BINS + 1)))
+    if len(edges) > 2:
+        other = np.histogram(log_rough[carried], bins=edges)[0] + 1.0
+        odds += _ratio(log_rough, log_rough[held], edges, other / other.sum())
     return np.clip(odds, -MAX_LOG_ODDS, MAX_LOG_ODDS)
 
 
