@@ -30,7 +30,7 @@ from semsfm_colmap.segmentation.options import SegmentationOptions
 from semsfm_colmap.segmentation.propose import propose
 from semsfm_colmap.segmentation.support import fit_axis_line
 from semsfm_colmap.segmentation.transfer import face_labels, nearest_labels
-from semsfm_colmap.surface.mesh.halfedges import component_labels
+from semsfm_colmap.surface.mesh.halfedges import component_labels, opposite_halfedge
 from semsfm_colmap.synthetic.options import SceneName, SynthesizeOptions
 from semsfm_colmap.synthetic.visible_cloud import VisibleCloud, visible_cloud
 from semsfm_colmap.types import Bool, Float, Int, OrthographicCameras, PointCloud
@@ -55,6 +55,8 @@ SHELL, HALF_WIDTH = 0.05, 0.14
 """A face of the ribbon is within these of its cylinder and its centre line."""
 RADIAL = 0.87
 """Its normal is within 30 degrees of radial, which granules are not."""
+RIM_FROM, NUM_RIM_RINGS = 0.1, 4
+"""Its rim is this far from the centre line, and so many triangles wide."""
 MIN_RIBBON_PATCH = 0.02
 """Area of a patch of such faces; granules in the right place make patches of 0.002."""
 FREE_STALK, GRAIN_END, GRAIN_RADIUS = 1.3, 0.9, 1.0
@@ -126,6 +128,13 @@ def _ribbon(vertices: Float, faces: Int, centre: Float, pitch: float) -> Bool:
     large = np.bincount(patch, weights=area[where])[patch] > MIN_RIBBON_PATCH
     out = np.zeros(len(faces), dtype=bool)
     out[where[large]] = True
+    # the rim, whose normals are along the axis: what goes on from these faces at their edges
+    rim = band & (np.abs(off) > RIM_FROM) & (radial < RADIAL)
+    opposite = opposite_halfedge(faces)
+    side = np.flatnonzero(opposite >= 0)
+    for _ in range(NUM_RIM_RINGS):
+        beside = side[out[opposite[side] // 3] & rim[side // 3]] // 3
+        out[beside] = True
     return out
 
 

@@ -25,7 +25,7 @@ class SegmentationOptions:
     """The specimen begins where the cross-section exceeds that of its support by this factor."""
     min_part_share: float = 0.02
     """Parts with a smaller share of the points are none."""
-    min_island_share: float = 0.002
+    min_island_share: float = 0.005
     """Smaller patches of one label within the other are given to it."""
     num_graph_neighbors: int = 10
     """Neighbours that a point shares its label with."""
