@@ -18,6 +18,7 @@ from semsfm_colmap.io.atomic import write_text
 from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.matching.options import MatchingOptions
 from semsfm_colmap.refinement.options import RefinementOptions
+from semsfm_colmap.segmentation.options import SegmentationOptions
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.tracks.options import TrackOptions
 
@@ -68,6 +69,8 @@ class Config:
     """COLMAP model"""
     surface: SurfaceOptions = field(default_factory=SurfaceOptions)
     """Depth maps and mesh"""
+    segmentation: SegmentationOptions = field(default_factory=SegmentationOptions)
+    """Specimen and what holds it"""
     seed: int = 0
     """Seed of everything random: same seed, same result"""
     num_threads: int = -1

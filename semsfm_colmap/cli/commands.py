@@ -56,6 +56,11 @@ COMMANDS: tuple[Command, ...] = (
         module="inspect",
     ),
     Command(
+        name="segment",
+        help="specimen, coil, stalk and substrate of the surface told apart; cuts by hand",
+        module="segment",
+    ),
+    Command(
         name="export",
         help="the model as other programs read it: COLMAP, OpenMVS, nerfstudio, PLY, ...",
         module="export",

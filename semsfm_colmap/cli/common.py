@@ -15,7 +15,11 @@ from semsfm_colmap.pipeline.reporter import Reporter
 
 T = TypeVar("T")
 
-SHORT_FLAGS = {"--depth_sign": "--refinement.depth_sign", "--series": "--series_csv"}
+SHORT_FLAGS = {
+    "--depth_sign": "--refinement.depth_sign",
+    "--series": "--series_csv",
+    "--segment": "--segmentation.part",
+}
 """Flags that may be written short."""
 
 Flattened = Annotated[Config, tyro.conf.arg(name="")]

@@ -12,6 +12,8 @@ DENSE_FOLDER = "dense"
 """Depth maps and the fused cloud."""
 MESH_FOLDER = "mesh"
 REPORT_FOLDER = "report"
+SEGMENTS_FOLDER = "segments"
+"""Labelled copies of cloud, mesh and points, and masks of the specimen."""
 FOLDERS = (
     IMAGES_FOLDER,
     MASKS_FOLDER,
@@ -19,6 +21,7 @@ FOLDERS = (
     DENSE_FOLDER,
     MESH_FOLDER,
     REPORT_FOLDER,
+    SEGMENTS_FOLDER,
 )
 
 SERIES_FILE = "series.json"
@@ -29,5 +32,7 @@ CONFIG_FILE = "semsfm.toml"
 """The resolved configuration."""
 RECORD_FILE = "run.json"
 """Versions, stage times, seeds, input hashes."""
+CUTS_FILE = "segments.toml"
+"""Cuts made by hand."""
 LOG_FILE = "semsfm.log"
 """What was said while running."""

@@ -82,6 +82,16 @@ class Project:
         """The report."""
         return self.path / layout.REPORT_FOLDER
 
+    @property
+    def segments(self) -> Path:
+        """Labelled parts."""
+        return self.path / layout.SEGMENTS_FOLDER
+
+    @property
+    def cuts(self) -> Path:
+        """Cuts made by hand."""
+        return self.path / layout.CUTS_FILE
+
     def read_series(self) -> SemSeries:
         """The prepared series."""
         from semsfm_colmap.ingest.series.file import read_series

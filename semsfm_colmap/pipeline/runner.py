@@ -66,7 +66,7 @@ def stage_key(stage: Stage, before: str, project: Project, config: Config) -> st
     before : what it sees of the stages before
 
     """
-    files = [path for path in stage.inputs(project) if path.is_file()]
+    files = [path for path in stage.inputs(project, config) if path.is_file()]
     if files:
         before = hash_text(before, *map(hash_file, files))
     text = [options_key(getattr(config, section)) for section in stage.sections]

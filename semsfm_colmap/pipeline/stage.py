@@ -31,7 +31,7 @@ class StageRun:
     """False when a run with the same inputs and options was cut off and goes on"""
 
 
-def no_files(project: Project) -> Sequence[Path]:
+def no_files(project: Project, config: Config) -> Sequence[Path]:
     """Nothing but the results of the stage before."""
     return ()
 
@@ -50,7 +50,7 @@ class Stage:
     outputs: Callable[[Project], Sequence[Path]]
     """files without which it is not done"""
     run: Callable[[StageRun], StageRecord]
-    inputs: Callable[[Project], Sequence[Path]] = no_files
+    inputs: Callable[[Project, Config], Sequence[Path]] = no_files
     """files that it reads beside the results of the stage before; their content is in its key"""
     product: Callable[[Project], str] | None = None
     """What later stages depend on, as a key; None: on everything that this one depends on."""

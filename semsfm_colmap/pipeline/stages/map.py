@@ -92,6 +92,6 @@ STAGE = Stage(
     outputs=lambda p: [p.sparse / "0" / "points3D.bin", p.sparse / "0" / "orthographic.json"],
     run=run,
     # the first to ask for more of the series than its pixels: size, tilts, warnings
-    inputs=lambda p: [p.series],
+    inputs=lambda p, _: [p.series],
     places=(SPARSE_FOLDER,),
 )

@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from semsfm_colmap.errors import InputError, MissingDependencyError
 from semsfm_colmap.io.layout import MESH_FOLDER
+from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import MeshRecord
+from semsfm_colmap.segmentation.names import CLOUD_FILE
+from semsfm_colmap.segmentation.options import ALL
+
+if TYPE_CHECKING:
+    from semsfm_colmap.config import Config
 
 
 def run(on: StageRun) -> MeshRecord:
     """Mesh the fused cloud, then texture it where the libraries for that are there."""
     from semsfm_colmap.io.ply import read_ply_cloud, write_ply
+    from semsfm_colmap.segmentation.files import select_part
     from semsfm_colmap.surface import build
     from semsfm_colmap.surface.files import write_textured
     from semsfm_colmap.surface.texture.atlas import texture_mesh
 
     project, options = on.project, on.config.surface
     cloud = read_ply_cloud(project.dense / "fused.ply")
+    part = on.config.segmentation.part
+    if part != ALL:
+        cloud = select_part(cloud, project.segments, part)
     solution = build.mesh(cloud, options)
     if solution.value is None or len(solution.value.faces) == 0:
         raise InputError(
@@ -43,13 +57,19 @@ def run(on: StageRun) -> MeshRecord:
     )
 
 
+def labels(project: Project, config: Config) -> Sequence[Path]:
+    """The labels of the cloud, where a part alone is meshed."""
+    return [] if config.segmentation.part == ALL else [project.segments / CLOUD_FILE]
+
+
 STAGE = Stage(
     name="mesh",
     help="surface mesh and texture",
     description="Surface mesh and texture.",
-    sections=("surface",),
+    sections=("surface", "segmentation"),
     outputs=lambda p: [p.mesh / "mesh.ply"],
     run=run,
+    inputs=labels,
     places=(MESH_FOLDER,),
     optional=True,
 )

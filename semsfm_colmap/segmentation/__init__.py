@@ -1,0 +1,1 @@
+"""Parts of a surface told apart: coil, stalk, substrate and specimen; cuts by hand; masks."""
