@@ -65,11 +65,13 @@ def depth_map_path(folder: Path | str, image_name: str) -> Path:
 
 
 def write_depth_map(folder: Path | str, depth_map: DepthMap) -> Path:
-    """Save a depth map (float32 depth, confidence in 1/255 steps)."""
+    """Save a depth map (float32 depth, float16 sigma, confidence in 1/255 steps)."""
     path = depth_map_path(folder, depth_map.image_name)
     arrays: dict[str, Array] = {"depth": np.asarray(depth_map.depth, dtype=np.float32)}
     if depth_map.confidence is not None:
         arrays["confidence"] = np.rint(np.clip(depth_map.confidence, 0, 1) * 255).astype(np.uint8)
+    if depth_map.sigma is not None:
+        arrays["sigma"] = np.asarray(depth_map.sigma, dtype=np.float16)
     with file_aside(path) as aside, aside.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
     return path
@@ -82,6 +84,7 @@ def read_depth_map(folder: Path | str, image_name: str) -> DepthMap:
         with np.load(path) as data:
             depth = data["depth"]
             confidence = data.get("confidence")
+            sigma = data.get("sigma")
     except FileNotFoundError:
         raise InputError(f"{path} is missing: run the densify step first.") from None
     except (OSError, ValueError, KeyError, EOFError) as error:
@@ -92,6 +95,7 @@ def read_depth_map(folder: Path | str, image_name: str) -> DepthMap:
         image_name=image_name,
         depth=depth,
         confidence=None if confidence is None else confidence.astype(np.float32) / 255.0,
+        sigma=None if sigma is None else sigma.astype(np.float32),
     )
 
 
