@@ -15,6 +15,8 @@ import numpy as np
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.io.atomic import file_aside, write_bytes, write_text
+from semsfm_colmap.io.ply import write_ply_file
+from semsfm_colmap.surface.half_series import HalfDifference
 from semsfm_colmap.types import Array, DepthMap, TriangleMesh
 
 
@@ -57,6 +59,26 @@ def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -
         write_bytes(data, folder / name)
     write_text(text, obj_path)
     return glb_path, obj_path
+
+
+def write_half_difference(path: Path, found: HalfDifference) -> None:
+    """Write the odd frames' points with ``difference`` and ``sigma``, nan where there is no other.
+
+    Colours go from blue, where the even frames' surface lies two sigma inside, over white to red.
+    """
+    cloud = found.cloud
+    assert cloud.normals is not None
+    kinds = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
+    kinds += [(name, "u1") for name in ("red", "green", "blue")]
+    rows = np.empty(len(cloud.points), dtype=[*kinds, ("difference", "<f4"), ("sigma", "<f4")])
+    pull = np.nan_to_num(found.difference / (2.0 * found.sigma))
+    tint = np.clip(np.stack([1.0 + pull, 1.0 - np.abs(pull), 1.0 - pull], axis=1), 0.0, 1.0)
+    tint[~found.compared] = 0.5
+    columns = [*cloud.points.T, *cloud.normals.T, *np.rint(255.0 * tint).T]
+    for (name, _), column in zip(kinds, columns, strict=True):
+        rows[name] = column
+    rows["difference"], rows["sigma"] = found.difference, found.sigma
+    write_ply_file(path, rows, comment="semsfm_colmap: surface of the even frames against this one")
 
 
 def depth_map_path(folder: Path | str, image_name: str) -> Path:

@@ -1,24 +1,27 @@
 """Two surfaces from disjoint halves of the frames, and how far apart they are.
 
 As cryo-electron microscopy does with half-maps: the depth maps of the odd frames, matched against
-odd frames only, give one surface, those of the even frames another. They share the cameras and
-what shading does to every frame alike, but no pixel, so that their difference along the normals
-shows the noise of the matching and nothing of a common error. With d the distance from a point of
-the one to the other and s the standard deviations of the matching (`fusion/fuse.py`), the ratio
+odd frames only, give one surface, those of the even frames another. They share the cameras, and
+what windows and shading do to every frame alike, but no pixel: their difference along the normals
+shows what is noise. With d the distance from a point of the one to the other and sigma the standard
+deviations of both (`fusion/error_bars.py`), the ratio
 
-    robust deviation of  d / sqrt(s_odd^2 + s_even^2)
+    robust deviation of  d / sqrt(sigma_odd^2 + sigma_even^2)
 
-is 1 where the matching errs as much as it says. Each half has every second view, at steps twice as
-wide: it errs more than the whole.
+is 1 where all errors are independent; what both halves err in alike keeps it below. Above 1, the
+error bars are too small. Each half has every second view, at steps twice as wide: it errs more than
+the whole.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from semsfm_colmap.geometry.subset import take_subset
+from semsfm_colmap.records import SurfaceHalves
+from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Bool, Float, Int, PointCloud, Reconstruction
 
 NUM_NEAREST = 9
@@ -41,7 +44,7 @@ class HalfDifference:
     difference: Float
     """(N,) along the normal in world units, nan where the other half has no surface"""
     sigma: Float
-    """(N,) what the matching lets expect"""
+    """(N,) of that difference, were all errors independent"""
 
     @property
     def compared(self) -> Bool:
@@ -65,20 +68,54 @@ class HalfDifference:
 
     @property
     def expected(self) -> float:
-        """Median of what the matching lets expect, world units."""
+        """Median of its standard deviation, were all errors independent, world units."""
         return float(np.median(self.sigma[self.compared]))
 
     @property
     def ratio(self) -> float:
-        """Robust deviation of difference over sigma: 1 where the matching errs as it says."""
+        """The module's ratio."""
         pull = self.difference[self.compared] / self.sigma[self.compared]
         return float(TO_SIGMA * np.median(np.abs(pull)))
+
+
+def figures(found: HalfDifference, num_even: int, px: float) -> SurfaceHalves | None:
+    """The numbers for the report; None where the halves share no surface.
+
+    Parameters
+    ----------
+    num_even : points of the even frames
+    px : world units per px of the images
+
+    """
+    if not found.compared.any():
+        return None
+    return SurfaceHalves(
+        num_points=(len(found.difference), num_even),
+        shared=found.share,
+        rms_px=found.rms / px,
+        robust_rms_px=found.robust / px,
+        median_px=float(np.median(found.difference[found.compared])) / px,
+        expected_px=found.expected / px,
+        ratio=found.ratio,
+    )
 
 
 def halves(num_images: int) -> tuple[Int, Int]:
     """The first, third, ... images, and the second, fourth, ..."""
     numbers = np.arange(num_images)
     return numbers[::2], numbers[1::2]
+
+
+def fused_spacing(reconstruction: Reconstruction, options: SurfaceOptions) -> float:
+    """Distance between fused points, world units: `options.spacing_px` of the depth maps."""
+    longer = float(np.max(reconstruction.image_size_px))
+    reduced = max(1.0, longer / options.max_depth_map_size_px)
+    return options.spacing_px * reduced * image_px(reconstruction)
+
+
+def image_px(reconstruction: Reconstruction) -> float:
+    """World units per px of the images, at their median scale."""
+    return 1.0 / float(np.median(reconstruction.cameras.scale_px_per_unit))
 
 
 def part_of(reconstruction: Reconstruction, images: Int) -> Reconstruction:
@@ -102,6 +139,7 @@ def part_of(reconstruction: Reconstruction, images: Int) -> Reconstruction:
         depth_sign=reconstruction.depth_sign,
         gauge=reconstruction.gauge,
         drift_px=None if drift is None else drift[images],
+        drag_px=reconstruction.drag_px,
         relief_px=reconstruction.relief_px,
     )
 
@@ -145,4 +183,4 @@ def half_difference(odd: PointCloud, even: PointCloud, spacing: float) -> HalfDi
     difference[met] = (weight * plane).sum(axis=1)[met] / total[met]
     other = (weight * even.sigma[idx] ** 2).sum(axis=1)[met] / total[met]
     expected[met] = np.sqrt(odd.sigma[met] ** 2 + other)
-    return HalfDifference(cloud=replace(odd), difference=difference, sigma=expected)
+    return HalfDifference(cloud=odd, difference=difference, sigma=expected)
