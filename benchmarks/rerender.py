@@ -1,4 +1,8 @@
-"""A textured mesh seen by the cameras again, correlated with the images."""
+"""A textured mesh seen by the cameras again, correlated with the images.
+
+For each project with a textured mesh: normalised cross-correlation of every image with what its
+camera sees of the mesh, over the pixels that meet it; median, lowest tenth and worst image.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.tables import parser, table
 from semsfm_colmap.io.grey import read_grey
 from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
+from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.surface.stereo.undrift import drift_of, without_drift
 from semsfm_colmap.types import Array, Float, Int, OrthographicCameras, Reconstruction
 
+COMMAND = "rerender"
 MIN_SEEN_PX = 100
 """Images that see less of the mesh are not judged."""
 
@@ -77,3 +84,22 @@ def sampled(texture: Array, uv: Float) -> Array:
         for k in range(0, len(x), rows)
     ]
     return np.concatenate(out)
+
+
+def main() -> None:
+    """Measure and print."""
+    p = parser(COMMAND, __doc__)
+    p.add_argument("projects", nargs="+", type=Path, help="projects with mesh/mesh.glb")
+    args = p.parse_args()
+    rows = []
+    for path in args.projects:
+        project = Project(path)
+        found = correlations(project.mesh / "mesh.glb", project.read_main_model(), project.images)
+        seen = found[np.isfinite(found)]
+        low = f"{np.quantile(seen, 0.1):.3f}", f"{seen.min():.3f}"
+        rows.append([path.name, len(seen), f"{np.median(seen):.3f}", *low])
+    print(table(("project", "images", "NCC median", "10 %", "worst"), rows))
+
+
+if __name__ == "__main__":
+    main()
