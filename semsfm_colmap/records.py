@@ -338,6 +338,25 @@ class MapRecord(StageRecord):
 
 
 @dataclass(frozen=True, kw_only=True)
+class SurfaceHalves:
+    """The surfaces of the odd and of the even frames, and how far apart they are."""
+
+    num_points: tuple[int, int]
+    shared: float
+    """part of the odd frames' points where the even ones have a surface too"""
+    rms_px: float
+    """root mean square of the difference along the normals"""
+    robust_rms_px: float
+    """1.4826 times its median absolute value"""
+    median_px: float
+    """a shift of the one against the other"""
+    expected_px: float
+    """median of what the two error bars say of the difference"""
+    ratio: float
+    """robust deviation of difference over error bar; what the halves err in alike keeps it low"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class DensifyRecord(StageRecord):
     """Depth maps and the fused cloud."""
 
@@ -345,6 +364,8 @@ class DensifyRecord(StageRecord):
     num_points: int
     coverage: float | None = None
     """share of the sparse points that the cloud covers"""
+    half_series: SurfaceHalves | None = None
+    """where it was asked for"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -316,6 +316,13 @@ class Reconstruction(_Frozen):
         default_factory=lambda: DepthSign(status="ambiguous", confidence=0.5)
     )
     gauge: str = ""
+    drift_px: Float | None = None
+    """(M, 2) scan drift that the images have and the observations have not: displacement in x and y
+    of the last row against the first; None: nothing was taken out"""
+    drag_px: float | None = None
+    """Coefficient of the drag that the images have and the observations have not"""
+    relief_px: float | None = None
+    """Standard deviation in `point_covariance` of each point by itself along its normal."""
 
     @property
     def num_images(self) -> int:
@@ -343,6 +350,8 @@ class DepthMap(_Frozen):
     """(H, W) float32, ``z`` of the camera frame in world units (world origin has depth 0)"""
     confidence: Array | None = None
     """(H, W) float32 in 0..1"""
+    sigma: Array | None = None
+    """(H, W) float32 standard deviation of the depth by the noise of its windows, world units"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -366,6 +375,8 @@ class TriangleMesh(_Frozen):
     vertex_normals: Float | None = None
     vertex_colors: Array | None = None
     """(V, 3) uint8"""
+    vertex_sigma: Array | None = None
+    """(V,) standard deviation along the normal in world units"""
     uv: Float | None = None
     """(F, 3, 2) texture coordinates, origin bottom left"""
     texture: Array | None = None

@@ -1,7 +1,7 @@
 """PLY files: vertices with named properties, and triangles; clouds and meshes as such.
 
-Binary little-endian. Clouds and meshes have float32 positions, normals, ``red green blue`` and, for
-clouds, a ``sigma`` attribute in world units: what open3d, MeshLab and CloudCompare read.
+Binary little-endian. Clouds and meshes have float32 positions, normals, ``red green blue`` and,
+where errors are known, ``sigma`` in world units: what open3d, MeshLab and CloudCompare read.
 """
 
 from __future__ import annotations
@@ -99,7 +99,9 @@ def read_ply_file(path: Path) -> PlyFile:
 def write_ply(path: Path | str, surface: PointCloud | TriangleMesh) -> None:
     """Write a cloud or a mesh."""
     if isinstance(surface, TriangleMesh):
-        rows = _vertex_rows(surface.vertices, surface.vertex_normals, surface.vertex_colors, None)
+        rows = _vertex_rows(
+            surface.vertices, surface.vertex_normals, surface.vertex_colors, surface.vertex_sigma
+        )
         faces = surface.faces
     else:
         rows = _vertex_rows(surface.points, surface.normals, surface.colors, surface.sigma)
@@ -110,12 +112,11 @@ def write_ply(path: Path | str, surface: PointCloud | TriangleMesh) -> None:
 def read_ply_cloud(path: Path | str) -> PointCloud:
     """Read the points of a file, with the attributes it has."""
     rows = read_ply_file(Path(path)).vertices
-    sigma = rows["sigma"].astype(np.float64) if "sigma" in (rows.dtype.names or ()) else None
     return PointCloud(
         points=_columns(rows, _POSITION, np.float64, path),
         normals=_optional(rows, _NORMAL, np.float64),
         colors=_optional(rows, _COLOR, np.uint8),
-        sigma=sigma,
+        sigma=_sigma(rows),
     )
 
 
@@ -129,6 +130,7 @@ def read_ply_mesh(path: Path | str) -> TriangleMesh:
         faces=file.faces,
         vertex_normals=_optional(file.vertices, _NORMAL, np.float64),
         vertex_colors=_optional(file.vertices, _COLOR, np.uint8),
+        vertex_sigma=_sigma(file.vertices),
     )
 
 
@@ -148,6 +150,10 @@ def _vertex_rows(
         for k, name in enumerate(names):
             rows[name] = values[:, k]
     return rows
+
+
+def _sigma(rows: Array) -> Array | None:
+    return rows["sigma"].astype(np.float64) if "sigma" in (rows.dtype.names or ()) else None
 
 
 def _columns(rows: Array, names: tuple[str, ...], kind: Any, path: Path | str) -> Array:

@@ -12,6 +12,7 @@ from semsfm_colmap.report import (
     figures_overview,
     figures_residuals,
     figures_scene,
+    figures_surface,
     figures_visibility,
 )
 from semsfm_colmap.report.figure_style import FigureData, gather
@@ -48,6 +49,12 @@ FIGURES = (
         caption="Points and camera frames, seen obliquely. The distance of the frames is "
         "arbitrary: parallel projection does not fix it.",
         draw=figures_scene.scene_picture,
+    ),
+    FigureKind(
+        name="surface_sigma",
+        caption="Standard deviation of the surface along its normal, as seen in the middle frame: "
+        "noise of the matching, relief below the windows and cameras together.",
+        draw=figures_surface.surface_sigma,
     ),
     FigureKind(
         name="residual_histograms",

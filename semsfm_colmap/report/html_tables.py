@@ -64,6 +64,17 @@ def _motion_rows(m: Metrics) -> Iterator[tuple[str, str]]:
 def _surface_rows(m: Metrics) -> Iterator[tuple[str, str]]:
     if m.cloud is not None:
         yield "points of the dense cloud", number(m.cloud.num_points)
+        if m.cloud.median_sigma_world is not None:
+            middle, most = number(m.cloud.median_sigma_world), number(m.cloud.p95_sigma_world)
+            unit = unit_text(m.world.unit)
+            yield "σ along its normals", f"{middle} {unit} median, 95 % below {most} {unit}"
+        halves = m.cloud.half_series
+        if halves is not None:
+            apart, said = number(halves.robust_rms_px), number(halves.expected_px)
+            yield (
+                "surfaces of odd and even frames",
+                f"{apart} px apart, {number(halves.ratio)} of what their σ say ({said} px)",
+            )
     mesh = m.mesh
     if mesh is not None:
         yield "mesh", f"{number(mesh.num_faces)} faces, {number(mesh.num_vertices)} vertices"

@@ -12,6 +12,7 @@ from semsfm_colmap.records import (
     ModelEntry,
     PairStatistics,
     Reliability,
+    SurfaceHalves,
     TiltAgreement,
 )
 from semsfm_colmap.types import PointCloud, Reconstruction, SemSeries, TriangleMesh
@@ -50,6 +51,8 @@ class ReportInputs:
     """What was written below sparse/; the first is `reconstruction`."""
     mesh: TriangleMesh | None = None
     cloud: PointCloud | None = None
+    surface_halves: SurfaceHalves | None = None
+    """Two surfaces from disjoint halves of the frames compared, where that was asked for."""
     versions: Mapping[str, str] = field(default_factory=dict)
     title: str = "SEM reconstruction"
 

@@ -10,7 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from semsfm_colmap.records import GuidedFigures, ModelEntry, Reliability
+import numpy as np
+
+from semsfm_colmap.records import GuidedFigures, ModelEntry, Reliability, SurfaceHalves
 from semsfm_colmap.report.filtering_statistics import RoundMetrics, filtering_statistics
 from semsfm_colmap.report.frames import order_frames
 from semsfm_colmap.report.image_statistics import ImageMetrics, image_statistics
@@ -26,7 +28,7 @@ from semsfm_colmap.report.structure_statistics import (
     structure_statistics,
 )
 from semsfm_colmap.report.world_statistics import WorldMetrics, world_statistics
-from semsfm_colmap.types import DepthSign
+from semsfm_colmap.types import DepthSign, PointCloud
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,9 +43,14 @@ class RegisteredImages:
 
 @dataclass(frozen=True, kw_only=True)
 class CloudMetrics:
-    """Size of the dense cloud."""
+    """Size of the dense cloud, and how sure it is."""
 
     num_points: int
+    median_sigma_world: float | None
+    """standard deviation along the normal; None where none is known"""
+    p95_sigma_world: float | None
+    half_series: SurfaceHalves | None
+    """two surfaces from disjoint halves of the frames; None where they were not asked for"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,6 +81,16 @@ class Metrics:
     co_visibility: CoVisibility
 
 
+def _cloud(cloud: PointCloud, halves: SurfaceHalves | None) -> CloudMetrics:
+    sigma = cloud.sigma if cloud.sigma is not None and len(cloud.sigma) else None
+    return CloudMetrics(
+        num_points=len(cloud.points),
+        median_sigma_world=None if sigma is None else float(np.median(sigma)),
+        p95_sigma_world=None if sigma is None else float(np.percentile(sigma, 95)),
+        half_series=halves,
+    )
+
+
 def compute_metrics(inputs: ReportInputs) -> Metrics:
     """All numbers of the report."""
     rec = inputs.reconstruction
@@ -99,7 +116,7 @@ def compute_metrics(inputs: ReportInputs) -> Metrics:
         guided=inputs.guided,
         telecentric=inputs.models[0] if inputs.models else None,
         mesh=None if inputs.mesh is None else mesh_statistics(inputs.mesh),
-        cloud=None if inputs.cloud is None else CloudMetrics(num_points=len(inputs.cloud.points)),
+        cloud=None if inputs.cloud is None else _cloud(inputs.cloud, inputs.surface_halves),
         stages=inputs.stages,
         versions=inputs.versions,
         notes=(*inputs.notes, *inputs.series.warnings),

@@ -15,6 +15,8 @@ import numpy as np
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.io.atomic import file_aside, write_bytes, write_text
+from semsfm_colmap.io.ply import write_ply_file
+from semsfm_colmap.surface.half_series import HalfDifference
 from semsfm_colmap.types import Array, DepthMap, TriangleMesh
 
 
@@ -59,17 +61,39 @@ def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -
     return glb_path, obj_path
 
 
+def write_half_difference(path: Path, found: HalfDifference) -> None:
+    """Write the odd frames' points with ``difference`` and ``sigma``, nan where there is no other.
+
+    Colours go from blue, where the even frames' surface lies two sigma inside, over white to red.
+    """
+    cloud = found.cloud
+    assert cloud.normals is not None
+    kinds = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
+    kinds += [(name, "u1") for name in ("red", "green", "blue")]
+    rows = np.empty(len(cloud.points), dtype=[*kinds, ("difference", "<f4"), ("sigma", "<f4")])
+    pull = np.nan_to_num(found.difference / (2.0 * found.sigma))
+    tint = np.clip(np.stack([1.0 + pull, 1.0 - np.abs(pull), 1.0 - pull], axis=1), 0.0, 1.0)
+    tint[~found.compared] = 0.5
+    columns = [*cloud.points.T, *cloud.normals.T, *np.rint(255.0 * tint).T]
+    for (name, _), column in zip(kinds, columns, strict=True):
+        rows[name] = column
+    rows["difference"], rows["sigma"] = found.difference, found.sigma
+    write_ply_file(path, rows, comment="semsfm_colmap: surface of the even frames against this one")
+
+
 def depth_map_path(folder: Path | str, image_name: str) -> Path:
     """Where the depth map of an image lies: ``<folder>/<image name>.npz``."""
     return Path(folder) / f"{image_name}.npz"
 
 
 def write_depth_map(folder: Path | str, depth_map: DepthMap) -> Path:
-    """Save a depth map (float32 depth, confidence in 1/255 steps)."""
+    """Save a depth map (float32 depth, float16 sigma, confidence in 1/255 steps)."""
     path = depth_map_path(folder, depth_map.image_name)
     arrays: dict[str, Array] = {"depth": np.asarray(depth_map.depth, dtype=np.float32)}
     if depth_map.confidence is not None:
         arrays["confidence"] = np.rint(np.clip(depth_map.confidence, 0, 1) * 255).astype(np.uint8)
+    if depth_map.sigma is not None:
+        arrays["sigma"] = np.asarray(depth_map.sigma, dtype=np.float16)
     with file_aside(path) as aside, aside.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
     return path
@@ -82,6 +106,7 @@ def read_depth_map(folder: Path | str, image_name: str) -> DepthMap:
         with np.load(path) as data:
             depth = data["depth"]
             confidence = data.get("confidence")
+            sigma = data.get("sigma")
     except FileNotFoundError:
         raise InputError(f"{path} is missing: run the densify step first.") from None
     except (OSError, ValueError, KeyError, EOFError) as error:
@@ -92,6 +117,7 @@ def read_depth_map(folder: Path | str, image_name: str) -> DepthMap:
         image_name=image_name,
         depth=depth,
         confidence=None if confidence is None else confidence.astype(np.float32) / 255.0,
+        sigma=None if sigma is None else sigma.astype(np.float32),
     )
 
 

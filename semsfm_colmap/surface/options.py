@@ -70,6 +70,10 @@ class SurfaceOptions:
     spacing_px: float = 2.0
     """Distance between the points of the fused cloud, in px of the depth maps."""
 
+    half_series: bool = False
+    """Also make the surfaces of the odd and of the even frames, each from its own frames alone, and
+    compare them: dense/half_series.ply. Takes the time of the depth maps once more."""
+
     # mesh
     method: Literal["ball_pivoting", "poisson"] = "ball_pivoting"
     """Ball pivoting keeps to the points and leaves open what was not seen; Poisson closes it."""

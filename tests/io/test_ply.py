@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,7 @@ def mesh() -> TriangleMesh:
         faces=np.array([[0, 2, 1], [0, 3, 2]]),
         vertex_normals=np.tile([0.0, 0, -1], (4, 1)),
         vertex_colors=np.full((4, 3), 9, dtype=np.uint8),
+        vertex_sigma=np.array([0.1, 0.2, 0.3, 0.4]),
     )
 
 
@@ -77,6 +79,17 @@ def test_bare_points_and_no_points_come_back(tmp_path: Path) -> None:
         assert after.normals is None
         assert after.colors is None
         assert after.sigma is None
+
+
+def test_a_mesh_comes_back_with_its_deviations(tmp_path: Path) -> None:
+    before = mesh()
+    write_ply(tmp_path / "a.ply", before)
+    after = read_ply_mesh(tmp_path / "a.ply")
+    assert after.vertex_sigma is not None
+    assert before.vertex_sigma is not None
+    np.testing.assert_allclose(after.vertex_sigma, before.vertex_sigma, rtol=1e-6)
+    write_ply(tmp_path / "a.ply", replace(before, vertex_sigma=None))
+    assert read_ply_mesh(tmp_path / "a.ply").vertex_sigma is None
 
 
 def test_open3d_reads_a_cloud_with_its_deviations(tmp_path: Path) -> None:

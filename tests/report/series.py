@@ -17,6 +17,7 @@ from semsfm_colmap.records import (
     PairStatistics,
     Reliability,
     Rung,
+    SurfaceHalves,
 )
 from semsfm_colmap.report.image_statistics import PoseMetrics
 from semsfm_colmap.report.inputs import ReportInputs, StageUsage
@@ -214,7 +215,16 @@ def full_inputs() -> ReportInputs:
         reliability=reliability_figures(),
         models=(written(),),
         mesh=cube(),
-        cloud=PointCloud(points=np.zeros((3, 3))),
+        cloud=PointCloud(points=np.zeros((3, 3)), sigma=np.array([0.1, 0.2, 0.4])),
+        surface_halves=SurfaceHalves(
+            num_points=(3, 4),
+            shared=0.9,
+            rms_px=0.5,
+            robust_rms_px=0.4,
+            median_px=0.01,
+            expected_px=1.2,
+            ratio=0.33,
+        ),
         versions={"numpy": "2.0"},
     )
     frames = tuple(

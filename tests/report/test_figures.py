@@ -9,6 +9,7 @@ from semsfm_colmap.report.figures_visibility import visibility_raster
 from semsfm_colmap.report.inputs import StageUsage
 from semsfm_colmap.report.metrics import compute_metrics
 from semsfm_colmap.report.options import ReportOptions
+from semsfm_colmap.types import PointCloud
 from tests.report.series import (
     chain_of_pairs,
     empty_reconstruction,
@@ -30,6 +31,11 @@ def inputs_of(num_images, **changes):
     return make_inputs(
         rec,
         pairs=chain_of_pairs(rec.image_names),
+        cloud=PointCloud(
+            points=rec.points,
+            normals=rec.points / np.linalg.norm(rec.points, axis=1, keepdims=True),
+            sigma=np.linspace(0.01, 0.1, len(rec.points)),
+        ),
         stages=tuple(
             StageUsage(name=name, seconds=seconds)
             for name, seconds in (

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.types import DepthSign, OrthographicCameras, Reconstruction
+from semsfm_colmap.types import DepthSign, Float, OrthographicCameras, Reconstruction
 
 FORMAT = "semsfm-orthographic"
 VERSION = 1
@@ -105,6 +105,14 @@ def cameras_from_sidecar(data: dict[str, Any], names: tuple[str, ...]) -> Orthog
         aspect=float(data["aspect"]),
         skew=float(data["skew"]),
     )
+
+
+def drift_from_sidecar(data: dict[str, Any], names: tuple[str, ...]) -> Float | None:
+    """The scan drift that the images have and the model has not: (M, 2) px, if there is any."""
+    drift = data.get("reliability", {}).get("drift_px")
+    if not drift:
+        return None
+    return np.array([drift.get(name, (0.0, 0.0)) for name in names], dtype=np.float64)
 
 
 def depth_sign_from_sidecar(data: dict[str, Any]) -> DepthSign:

@@ -19,6 +19,7 @@ from semsfm_colmap.colmap.model.sidecar import (
     FILE_NAME,
     cameras_from_sidecar,
     depth_sign_from_sidecar,
+    drift_from_sidecar,
     read_sidecar,
     sidecar_dict,
 )
@@ -222,6 +223,9 @@ def read_model(path: Path) -> Reconstruction:
         camera_model=data["camera_model"],
         depth_sign=depth_sign_from_sidecar(data),
         gauge=data["gauge"],
+        drift_px=drift_from_sidecar(data, names),
+        drag_px=data.get("reliability", {}).get("drag", {}).get("coefficient_px"),
+        relief_px=data.get("reliability", {}).get("relief_px"),
     )
     entries = [data["images"][name] for name in names]
     if all("sigma_rotation_deg" in e for e in entries) and entries:

@@ -16,6 +16,7 @@ def run(on: StageRun) -> DensifyRecord:
     sparse one, and that is said.
     """
     from semsfm_colmap.io.ply import write_ply
+    from semsfm_colmap.pipeline.stages.half_surfaces import compare_halves
     from semsfm_colmap.surface.build import fuse_depth_maps
     from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map
     from semsfm_colmap.surface.stereo.depth_maps import sweep_depth_maps
@@ -52,6 +53,11 @@ def run(on: StageRun) -> DensifyRecord:
         raise InputError(fused.message)
     cloud = fused.value
     notes = (fused.message,) if fused.message else ()
+    compared = None
+    if options.half_series:
+        compared = compare_halves(on, reconstruction)
+        if compared is None:
+            notes = (*notes, "half of the frames alone give no surface: there is none to compare")
     write_ply(project.dense / "fused.ply", cloud)
     on.reporter.say(f"densify: {len(names)} depth maps, {len(cloud.points)} points")
     for note in notes:
@@ -60,6 +66,7 @@ def run(on: StageRun) -> DensifyRecord:
         num_depth_maps=len(names),
         num_points=len(cloud.points),
         coverage=fused.diagnostics.get("coverage"),
+        half_series=compared,
         notes=notes,
     )
 

@@ -24,6 +24,7 @@ def run(on: StageRun) -> MeshRecord:
     from semsfm_colmap.segmentation.files import select_part
     from semsfm_colmap.surface import build
     from semsfm_colmap.surface.files import write_textured
+    from semsfm_colmap.surface.mesh.vertex_sigma import with_vertex_sigma
     from semsfm_colmap.surface.texture.atlas import texture_mesh
 
     project, options = on.project, on.config.surface
@@ -37,7 +38,7 @@ def run(on: StageRun) -> MeshRecord:
             f"no surface could be made from the {len(cloud.points)} points: they are too few or "
             "too scattered; see the report for the images that match badly"
         )
-    surface = solution.value
+    surface = with_vertex_sigma(solution.value, cloud)
     project.mesh.mkdir(exist_ok=True)
     write_ply(project.mesh / "mesh.ply", surface)
     on.reporter.say(f"mesh: {len(surface.vertices)} vertices, {len(surface.faces)} faces")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from semsfm_colmap.pipeline.stage import Stage, StageRun
-from semsfm_colmap.records import MapRecord, MatchRecord, ReportRecord
+from semsfm_colmap.records import DensifyRecord, MapRecord, MatchRecord, ReportRecord
 
 
 def run(on: StageRun) -> ReportRecord:
@@ -18,6 +18,7 @@ def run(on: StageRun) -> ReportRecord:
     reconstruction = project.read_main_model()
     mapped = record.result("map", MapRecord)
     matched = record.result("match", MatchRecord)
+    densified = record.result("densify", DensifyRecord)
     # the report says itself what the series and the verdict on the hand say
     said = [n for n in record.notes() if n != reconstruction.depth_sign.message]
     mesh_file, cloud_file = project.mesh / "mesh.ply", project.dense / "fused.ply"
@@ -37,6 +38,7 @@ def run(on: StageRun) -> ReportRecord:
         tilt=None if mapped is None else mapped.diagnostics.tilt,
         mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
+        surface_halves=None if densified is None else densified.half_series,
         versions=versions(),
         models=() if mapped is None else mapped.models,
         title=project.path.resolve().name,

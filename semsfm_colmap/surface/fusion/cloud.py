@@ -25,8 +25,7 @@ _LAYER_DEPTH = 4.0
 def sparse_cloud(reconstruction: Reconstruction, options: SurfaceOptions) -> PointCloud:
     """The reconstructed points with normals toward the viewers, without stray points.
 
-    ``sigma`` is the root of the mean variance over the three directions, where a covariance is
-    known.
+    ``sigma`` is the standard deviation along the normal, where a covariance is known.
     """
     keep = reconstruction.track_length() >= options.min_track_length
     keep &= np.isfinite(reconstruction.points).all(axis=1)
@@ -43,14 +42,15 @@ def sparse_cloud(reconstruction: Reconstruction, options: SurfaceOptions) -> Poi
     ]
     points = np.array(reconstruction.points[idx])
     direction = mean_viewing_direction(reconstruction)[idx]
+    normals = estimate_normals(points, direction, options.num_normal_neighbors)
     sigma = None
     if reconstruction.point_covariance is not None:
-        trace = np.trace(reconstruction.point_covariance[idx], axis1=1, axis2=2)
-        sigma = np.sqrt(trace / 3.0)
+        covariance = reconstruction.point_covariance[idx]
+        sigma = np.sqrt(np.einsum("ni,nij,nj->n", normals, covariance, normals))
     color = reconstruction.point_color
     return PointCloud(
         points=points,
-        normals=estimate_normals(points, direction, options.num_normal_neighbors),
+        normals=normals,
         colors=None if color is None else np.asarray(color[idx], dtype=np.uint8),
         sigma=sigma,
     )

@@ -20,6 +20,7 @@ from semsfm_colmap.geometry.normals import statistical_inliers
 from semsfm_colmap.surface.depth_geometry import back_project, depth_map_unit, planes_and_normals
 from semsfm_colmap.surface.fusion.cloud import dominant_layer, select, smooth_along_normals
 from semsfm_colmap.surface.fusion.consistency import vote
+from semsfm_colmap.surface.fusion.error_bars import matching_variance, with_error_bars
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import raster_reader
 from semsfm_colmap.surface.stereo.views import choose_neighbors
@@ -67,8 +68,8 @@ def fuse(
 
     Returns
     -------
-    PointCloud, empty when the maps agree nowhere. ``sigma`` is the standard error of the averaged
-    distances across the surface: it knows the noise, not a bias that all maps share.
+    PointCloud, empty when the maps agree nowhere. ``sigma`` is the standard deviation along the
+    normal, with all that `error_bars.py` lists.
 
     """
     names = list(reconstruction.image_names)
@@ -91,6 +92,7 @@ def fuse(
             reconstruction.image_size_px,
             max(depth_map.depth.shape),
             1,
+            reconstruction.drift_px,
         )
         rows = _points(
             depth_map,
@@ -107,7 +109,7 @@ def fuse(
             progress(done + 1, len(images))
     if grid is None:
         raise InputError("There are no depth maps to fuse: run the densify step first.")
-    return _clean(*grid.cloud(), grid.size, options)
+    return with_error_bars(_clean(*grid.cloud(), grid.size, options), reconstruction, grid.size)
 
 
 def _names(depth_maps: Sequence[DepthMap]) -> list[str]:
@@ -150,8 +152,9 @@ def _points(
     normal = normals[:, keep].T @ cameras.cam_from_world[image_idx]
     points += (share * votes.offset[keep])[:, None] * normal
     # mean squared distance of all maps, this one included, to their mean
-    variance = share * (votes.spread[keep] ** 2 + (1.0 - share) * votes.offset[keep] ** 2)
-    variance /= votes.agreeing[keep].astype(float) + 1.0
+    spread2 = share * (votes.spread[keep] ** 2 + (1.0 - share) * votes.offset[keep] ** 2)
+    window = None if depth_map.sigma is None else depth_map.sigma[keep] * cosine[keep]
+    variance = matching_variance(np.sqrt(spread2), window, votes.agreeing[keep] + 1.0)
     return np.column_stack([total, points, normal, grey[keep], variance])
 
 

@@ -23,6 +23,7 @@ from semsfm_colmap.surface.stereo.plane_sweep import sweep_depths
 from semsfm_colmap.surface.stereo.rasters import Raster, raster_reader
 from semsfm_colmap.surface.stereo.refine import refine_depths
 from semsfm_colmap.surface.stereo.refine_kernels import local_planes
+from semsfm_colmap.surface.stereo.undrag import depth_without_drag
 from semsfm_colmap.surface.stereo.views import choose_neighbors, depth_range
 from semsfm_colmap.types import Array, DepthMap, Int, ParallelMap, Reconstruction
 
@@ -69,6 +70,7 @@ def sweep_depth_maps(
             reconstruction.image_size_px,
             size,
             num_cached,
+            reconstruction.drift_px,
         )
         for size in (full // 2, full)
     ]
@@ -130,14 +132,15 @@ def sweep_depth_map(
     empty = _enlarge_mask(empty, fine.grey.shape)
     depth[background(fine.grey, empty, 2 * _HALO_PX, float(fine.noise[0]))] = np.nan
     depth[~fine.usable] = np.nan
-    depth, score = refine_depths(fine, depth, score, options)
+    depth, score, sigma = refine_depths(fine, depth, score, options)
     outside = (depth < limits[0]) | (depth > limits[1])
     depth[(score < options.min_correlation) | outside] = np.nan
     depth = _drop_specks(depth, fine.unit, options.min_speck_px)
     depth[: options.window_radius_px] = depth[-options.window_radius_px :] = np.nan
     depth[:, : options.window_radius_px] = depth[:, -options.window_radius_px :] = np.nan
     score[~np.isfinite(depth)] = 0.0
-    return DepthMap(image_name=name, depth=depth, confidence=np.clip(score, 0.0, 1.0))
+    found = DepthMap(image_name=name, depth=depth, confidence=np.clip(score, 0.0, 1.0), sigma=sigma)
+    return depth_without_drag(found, reconstruction, reference, options.slope_radius_px)
 
 
 def _enlarge(plane: Array, shape: tuple[int, ...]) -> Array:

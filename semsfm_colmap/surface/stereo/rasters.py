@@ -12,6 +12,7 @@ import numpy as np
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.pixel_noise import quiet_noise_level
 from semsfm_colmap.io.grey import read_grey
+from semsfm_colmap.surface.stereo.undrift import drift_of, without_drift
 from semsfm_colmap.types import Array, Bool
 
 
@@ -33,9 +34,21 @@ def scaled_size(width: int, height: int, max_size_px: int) -> tuple[int, int]:
 
 
 def read_raster(
-    image_path: Path, mask_path: Path | None, name: str, max_size_px: int, size: tuple[int, int]
+    image_path: Path,
+    mask_path: Path | None,
+    name: str,
+    max_size_px: int,
+    size: tuple[int, int],
+    drift_px: tuple[float, float] = (0.0, 0.0),
 ) -> Raster:
-    """Read one prepared image; `size` is the width and height the reconstruction knows."""
+    """Read one prepared image, without its scan drift.
+
+    Parameters
+    ----------
+    size : width and height that the reconstruction knows
+    drift_px : of the last row against the first, see `undrift.without_drift`
+
+    """
     import cv2
 
     path = image_path / name
@@ -46,14 +59,16 @@ def read_raster(
             f"{size[0]} x {size[1]} px: use the images that it was made from."
         )
     target = scaled_size(*size, max_size_px)
-    small = cv2.resize(grey.astype(np.float32), target, interpolation=cv2.INTER_AREA)
+    straight = without_drift(grey.astype(np.float32), drift_px)
+    small = cv2.resize(straight, target, interpolation=cv2.INTER_AREA)
     usable = np.ones(small.shape, dtype=bool)
     mask_file = None if mask_path is None else mask_path / f"{name}.png"
     if mask_file is not None and mask_file.exists():
         mask = read_grey(mask_file)
         if mask.shape != grey.shape:
             raise InputError(f"{mask_file} is not a mask of the size of {path}: delete or redo it.")
-        shrunk = cv2.resize((mask > 0).astype(np.float32), target, interpolation=cv2.INTER_AREA)
+        mask = without_drift((mask > 0).astype(np.float32), drift_px, nearest=True)
+        shrunk = cv2.resize(mask, target, interpolation=cv2.INTER_AREA)
         usable = shrunk > 0.5
     return Raster(grey=small, usable=usable, noise=quiet_noise_level(small))
 
@@ -65,12 +80,17 @@ def raster_reader(
     sizes: Array,
     max_size_px: int,
     num_cached: int,
+    drift_px: Array | None = None,
 ) -> Callable[[int], Raster]:
-    """A function from image index to raster that keeps the `num_cached` used last."""
+    """A function from image index to raster that keeps the `num_cached` used last.
+
+    `drift_px` (M, 2) is the scan drift of each image, which is taken out.
+    """
 
     @lru_cache(maxsize=num_cached)
     def read(idx: int) -> Raster:
         width, height = (int(v) for v in sizes[idx])
-        return read_raster(image_path, mask_path, names[idx], max_size_px, (width, height))
+        drift = drift_of(drift_px, idx)
+        return read_raster(image_path, mask_path, names[idx], max_size_px, (width, height), drift)
 
     return read

@@ -12,10 +12,18 @@ from semsfm_colmap.types import Array, Int
 
 def refine_depths(
     level: Level, depth: Array, score: Array, options: SurfaceOptions
-) -> tuple[Array, Array]:
-    """Gauss-Newton on windows that lie in the local planes: sharper depth, its correlation."""
+) -> tuple[Array, Array, Array]:
+    """Gauss-Newton on windows that lie in the local planes.
+
+    Returns
+    -------
+    depth, score, sigma : sharper depths, their correlations, and the standard deviation of each
+        depth by its windows alone, ``1 / sqrt(information)``, in world units; inf where none counts
+
+    """
     window, window_weight = _window(options.window_radius_px)
     gradient = _epipolar_gradient(level)
+    information = np.zeros_like(depth)
     for _ in range(options.num_refinements):
         plane = local_planes(depth, score, options.slope_radius_px, 2.5 * level.unit)
         slanted_step(
@@ -34,8 +42,10 @@ def refine_depths(
             options.smoothness / level.unit**2,
             depth,
             score,
+            information,
         )
-    return depth, score
+    with np.errstate(divide="ignore"):
+        return depth, score, 1.0 / np.sqrt(information)
 
 
 def _window(radius: int) -> tuple[Int, Array]:

@@ -88,6 +88,7 @@ def slanted_step(
     smoothness: float,
     depth: Array,
     score: Array,
+    information: Array,
 ) -> None:
     """One Gauss-Newton step of every pixel's depth, in place.
 
@@ -110,6 +111,8 @@ def slanted_step(
     window, window_weight : (K, 2) int64 offsets of the window's samples, (K,) float32
     noise : (1 + V,) deviations
     depth, score : (H, W) float32, overwritten: depth and mean correlation
+    information : (H, W) float32, overwritten: inverse variance of the depth by the windows alone,
+        per world unit squared; zero where no neighbour counts
 
     """
     H, W = reference.shape
@@ -127,6 +130,7 @@ def slanted_step(
     for y in range(H):
         for x in range(W):
             z, p, q = plane[0, y, x], plane[1, y, x], plane[2, y, x]
+            information[y, x] = 0.0
             if not math.isfinite(z):
                 depth[y, x] = np.nan
                 score[y, x] = 0.0
@@ -161,11 +165,12 @@ def slanted_step(
             mean_ncc /= sum_w
             # 2 (1 - ncc) is the mean squared difference of normalised greys; about half of the
             # window's samples are independent
-            information = denominator * 0.5 * count / max(2.0 * (1.0 - mean_ncc), 0.02)
+            known = denominator * 0.5 * count / max(2.0 * (1.0 - mean_ncc), 0.02)
             step = numerator / (denominator + 1e-12)
             step = min(max(step, -max_step), max_step)
-            depth[y, x] = z + step * information / (information + smoothness + 1e-12)
+            depth[y, x] = z + step * known / (known + smoothness + 1e-12)
             score[y, x] = mean_ncc
+            information[y, x] = known
 
 
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")

@@ -22,6 +22,7 @@ from semsfm_colmap.io.open3d_library import import_open3d
 from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import read_raster
+from semsfm_colmap.surface.stereo.undrift import drift_of
 from semsfm_colmap.surface.texture.texture_kernels import add_image, rasterize
 from semsfm_colmap.types import Array, Float, Reconstruction, TriangleMesh
 
@@ -181,7 +182,8 @@ def _gains(
 def _grey(reconstruction: Reconstruction, image_path: Path, i: int) -> Array:
     width, height = (int(v) for v in reconstruction.image_size_px[i])
     name = reconstruction.image_names[i]
-    return read_raster(image_path, None, name, max(width, height), (width, height)).grey
+    drift = drift_of(reconstruction.drift_px, i)
+    return read_raster(image_path, None, name, max(width, height), (width, height), drift).grey
 
 
 def _vertex_grey(mesh: TriangleMesh, face: Array, bary: Array) -> Array:

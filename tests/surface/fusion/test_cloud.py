@@ -52,14 +52,15 @@ def test_points_seen_in_too_few_images_are_left_out() -> None:
     assert (cloud.normals[:, 2] < 0.2).all()
 
 
-def test_the_deviation_of_a_sparse_point_is_the_root_of_its_mean_variance() -> None:
+def test_the_deviation_of_a_sparse_point_is_that_along_its_normal() -> None:
     points = ball_points(60)
     covariance = np.tile(np.diag([1.0, 4.0, 7.0]), (60, 1, 1))
     reconstruction = reconstruction_of(
         turning_cameras([0, 5, 10]), tuple("abc"), points, point_covariance=covariance
     )
-    sigma = sparse_cloud(reconstruction, SurfaceOptions(max_outlier_sigma=50.0)).sigma
-    np.testing.assert_allclose(sigma, 2.0)
+    cloud = sparse_cloud(reconstruction, SurfaceOptions(max_outlier_sigma=50.0))
+    assert cloud.normals is not None
+    np.testing.assert_allclose(cloud.sigma, np.sqrt(cloud.normals**2 @ [1.0, 4.0, 7.0]))
 
 
 def test_too_few_points_are_an_error_that_names_the_option() -> None:

@@ -77,6 +77,7 @@ def test_slanted_steps_lead_to_the_true_depth(start_error: float) -> None:
     pair = stereo_pair(5.0)
     depth = np.full((40, 60), 5.0 + start_error, dtype=np.float32)
     score = np.ones_like(depth)
+    information = np.ones_like(depth)
     window = np.array([(i, j) for j in range(-3, 4) for i in range(-3, 4)])
     for _ in range(4):
         plane = np.stack([depth, np.zeros_like(depth), np.zeros_like(depth)])
@@ -96,6 +97,7 @@ def test_slanted_steps_lead_to_the_true_depth(start_error: float) -> None:
             0.0,
             depth,
             score,
+            information,
         )
     inner = np.s_[8:-8, 8:-8]
     assert np.abs(depth[inner] - 5.0).max() < 0.06
@@ -107,6 +109,7 @@ def test_a_neighbour_that_sees_something_else_is_outvoted() -> None:
     views = np.concatenate([pair["views"], np.random.default_rng(0).normal(0, 30, (1, 40, 60, 2))])
     depth = np.full((40, 60), 5.4, dtype=np.float32)
     score = np.ones_like(depth)
+    information = np.ones_like(depth)
     window = np.array([(i, j) for j in range(-2, 3) for i in range(-2, 3)])
     for _ in range(4):
         plane = np.stack([depth, np.zeros_like(depth), np.zeros_like(depth)])
@@ -126,6 +129,7 @@ def test_a_neighbour_that_sees_something_else_is_outvoted() -> None:
             0.0,
             depth,
             score,
+            information,
         )
     assert np.abs(depth[8:-8, 8:-8] - 5.0).max() < 0.06
 
@@ -134,12 +138,41 @@ def test_an_unknown_depth_stays_unknown() -> None:
     pair = stereo_pair(5.0)
     depth = np.full((40, 60), np.nan, dtype=np.float32)
     score = np.ones_like(depth)
+    information = np.ones_like(depth)
     plane = np.full((3, 40, 60), np.nan, dtype=np.float32)
     one = np.zeros((1, 2), dtype=np.int64)
     eye = np.tile(np.eye(2), (2, 1, 1))
     slanted_step(
         pair["grey"], plane, pair["views"], np.ones((2, 40, 60), np.uint8), eye, pair["c"],
         np.zeros((2, 2)), one, np.ones(1, np.float32), np.ones(3), 10.0, 0.4, 0.0, depth, score,
+        information,
     )  # fmt: skip
     assert np.isnan(depth).all()
     assert (score == 0).all()
+    assert (information == 0).all()
+
+
+def test_the_information_of_a_window_is_the_variance_that_noise_gives_its_depth() -> None:
+    rng = np.random.default_rng(3)
+    y, x = np.mgrid[-3:4, -3:4]
+    window = np.stack([x.ravel(), y.ravel()], axis=1)
+    found, stated = [], []
+    for _ in range(30):
+        pair = stereo_pair(5.0)
+        noise_sigma = 4.0
+        grey = pair["grey"] + rng.normal(0, noise_sigma, pair["grey"].shape).astype(np.float32)
+        views = pair["views"].copy()
+        for k in range(2):
+            views[k, ..., 0] += rng.normal(0, noise_sigma, grey.shape)
+        depth = np.full((40, 60), 5.0, dtype=np.float32)
+        score, information = np.ones_like(depth), np.ones_like(depth)
+        plane = np.stack([depth, np.zeros_like(depth), np.zeros_like(depth)])
+        slanted_step(
+            grey, plane, views, np.ones((2, 40, 60), np.uint8), np.tile(np.eye(2), (2, 1, 1)),
+            pair["c"], np.zeros((2, 2)), window, np.ones(len(window), np.float32), np.full(3, 0.3),
+            500.0, 0.4, 0.0, depth, score, information,
+        )  # fmt: skip
+        found.append(depth[10:-10:10, 10:-10:10] - 5.0)
+        stated.append(information[10:-10:10, 10:-10:10] ** -0.5)
+    # half of the samples count as independent: all of them are here, hence up to sqrt(2) too wide
+    assert 0.4 < np.std(found) / np.median(stated) < 1.2

@@ -1,0 +1,72 @@
+"""Two surfaces from disjoint halves of the frames, for the densify stage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from semsfm_colmap.pipeline.stage import StageRun
+from semsfm_colmap.records import SurfaceHalves
+from semsfm_colmap.types import PointCloud, Reconstruction
+
+FILE_NAME = "half_series.ply"
+MIN_IMAGES = 3
+"""Fewer give no depth maps that could agree."""
+
+
+def compare_halves(on: StageRun, reconstruction: Reconstruction) -> SurfaceHalves | None:
+    """The surfaces of odd and even frames and dense/half_series.ply; None where one is empty."""
+    from semsfm_colmap.surface.files import write_half_difference
+    from semsfm_colmap.surface.half_series import (
+        figures,
+        fused_spacing,
+        half_difference,
+        halves,
+        image_px,
+        part_of,
+    )
+
+    path = on.project.dense / FILE_NAME
+    path.unlink(missing_ok=True)
+    parts = [part_of(reconstruction, part) for part in halves(reconstruction.num_images)]
+    if min(part.num_images for part in parts) < MIN_IMAGES:
+        return None
+    odd, even = (half_surface(on, part) for part in parts)
+    if len(odd.points) == 0 or len(even.points) == 0:
+        return None
+    found = half_difference(odd, even, fused_spacing(reconstruction, on.config.surface))
+    said = figures(found, len(even.points), image_px(reconstruction))
+    if said is not None:
+        write_half_difference(path, found)
+        on.reporter.say(
+            f"densify: the surfaces of odd and even frames lie {said.robust_rms_px:.2f} px apart, "
+            f"{said.ratio:.2f} of what their error bars say"
+        )
+    return said
+
+
+def half_surface(on: StageRun, part: Reconstruction) -> PointCloud:
+    """The fused cloud of some frames; their depth maps are not kept."""
+    from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map
+    from semsfm_colmap.surface.fusion.fuse import fuse
+    from semsfm_colmap.surface.stereo.depth_maps import sweep_depth_maps
+    from semsfm_colmap.surface.stereo.views import choose_references
+
+    project, options = on.project, on.config.surface
+    references = choose_references(part.cameras, options.max_num_depth_maps)
+    names: list[str] = []
+    with TemporaryDirectory(dir=project.dense, prefix=".half-") as folder:
+        with on.reporter.progress("depth maps of half of the frames") as progress:
+            for depth_map in sweep_depth_maps(
+                part,
+                references,
+                project.images,
+                project.masks_or_none,
+                options,
+                parallel_map=on.executor.map,
+                num_at_a_time=on.executor.num_workers,
+            ):
+                write_depth_map(Path(folder), depth_map)
+                names.append(depth_map.image_name)
+                progress(len(names), len(references))
+        return fuse(DepthMapFolder(folder, tuple(names)), part, project.images, options)
