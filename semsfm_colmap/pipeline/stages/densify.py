@@ -47,6 +47,7 @@ def run(on: StageRun) -> DensifyRecord:
             project.images,
             options,
             progress=progress,
+            parallel_map=on.executor.map,
         )
     if fused.value is None:
         raise InputError(fused.message)
