@@ -25,6 +25,7 @@ A PROJECT is one after `semsfm mesh`; its TRUTH the folder that `semsfm synthesi
 from __future__ import annotations
 
 import argparse
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +34,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from benchmarks import tables
-from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.evaluation.distance import Surface
 from semsfm_colmap.evaluation.truth import Truth, load_truth
 from semsfm_colmap.geometry.alignment import CameraAlignment, align_cameras_both_hands
@@ -48,6 +48,7 @@ from semsfm_colmap.surface.fusion.cloud import (
     smooth_along_normals,
     thin,
 )
+from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Array, Bool, DepthMap, Float, PointCloud, Reconstruction
 from semsfm_colmap.types import TriangleMesh as Mesh
 
@@ -204,7 +205,7 @@ def steps(
     fused = fusing.gathered(maps, reconstruction, image_path, options)
     layer = select(fused.cloud, dominant_layer(fused.cloud, fused.weight, fused.spacing))
     inlier = statistical_inliers(
-        layer.points, options.num_outlier_neighbors, options.max_outlier_sigma
+        layer.points, options.num_outlier_neighbors, options.max_fused_outlier_sigma
     )
     stray = select(layer, inlier)
     final = fusing.fuse(maps, reconstruction, image_path, options)
@@ -251,7 +252,7 @@ def split(name: str, values: Float, missing: Bool) -> list[list[str]]:
     """Rows of one figure: range, share of the surface, missing in it, part of all that misses."""
     edges, text = BINS[name]
     rows = []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in itertools.pairwise(edges):
         inside = (values >= low) & (values < high)
         if inside.any():
             share = 100.0 * missing[inside].mean()

@@ -44,7 +44,7 @@ _NUM_CACHED = 24
 """Depth maps kept in memory at a time."""
 _MAX_SLANT_DEG = 75.0
 """Steeper surface is left to images that see it better."""
-_MIN_FRONTALITY = 0.7
+_MIN_FRONTALITY = 0.4
 """A map leaves a pixel to the others when one of them sees its surface this much more frontally."""
 
 
@@ -75,7 +75,12 @@ def fuse(
 
     """
     fused = gathered(
-        depth_maps, reconstruction, image_path, options, progress=progress, parallel_map=parallel_map
+        depth_maps,
+        reconstruction,
+        image_path,
+        options,
+        progress=progress,
+        parallel_map=parallel_map,
     )
     return _clean(fused, options)
 
@@ -116,9 +121,7 @@ def gathered(
         name = reconstruction.image_names[image_idx]
         longest = max(depth_map.depth.shape)
         grey = read_raster(Path(image_path), None, name, longest, (width, height)).grey
-        return _points(
-            depth_map, image_idx, images, load, reconstruction, grey, required, options
-        )
+        return _points(depth_map, image_idx, images, load, reconstruction, grey, required, options)
 
     first = int(images[0])
     size = reconstruction.image_size_px[first]
@@ -200,7 +203,9 @@ def _clean(fused: Gathered, options: SurfaceOptions) -> PointCloud:
     cloud = select(cloud, dominant_layer(cloud, weight, size))
     cloud = select(
         cloud,
-        statistical_inliers(cloud.points, options.num_outlier_neighbors, options.max_outlier_sigma),
+        statistical_inliers(
+            cloud.points, options.num_outlier_neighbors, options.max_fused_outlier_sigma
+        ),
     )
     cloud = select(cloud, _large_islands(cloud.points, 2.5 * size, options.min_component_fraction))
     return smooth_along_normals(cloud, options.num_normal_neighbors // 2, 1)
