@@ -6,7 +6,7 @@ import numpy as np
 
 from semsfm_colmap.geometry.mesh_normals import angle_weighted_normals, face_normals
 from semsfm_colmap.io.open3d_rays import as_tensor, ray_scene, ray_tensor
-from semsfm_colmap.types import Float, OrthographicCameras, TriangleMesh
+from semsfm_colmap.types import Bool, Float, OrthographicCameras, TriangleMesh
 
 NUM_PROBES = 64
 """Rays along each axis of an image that tell the outside of a surface."""
@@ -64,40 +64,88 @@ class Surface:
         return np.abs(self.signed_distance(points))
 
     def visible_samples(
-        self, cameras: OrthographicCameras, image_size_px: tuple[int, int], num: int
+        self,
+        cameras: OrthographicCameras,
+        image_size_px: tuple[int, int],
+        num: int,
+        min_views: int = 1,
     ) -> Float:
-        """Points spread evenly over the part of the surface that any of the cameras sees.
+        """Points spread evenly over the part of the surface that so many of the cameras see.
 
         Parameters
         ----------
         cameras : of the images
         image_size_px : width, height
         num : points on the whole surface, of which those that are seen are returned
+        min_views : cameras that must see a point
 
         Returns
         -------
         (K, 3), K <= num
 
         """
-        points, normals = self._samples(num)
-        normals = self._sign * normals
-        lift = LIFT * float(np.ptp(points, axis=0).max())
-        seen = np.zeros(len(points), dtype=bool)
+        points, normals = self.samples(num)
+        seen = self.visibility(points, normals, cameras, image_size_px)
+        return points[seen.sum(axis=1) >= min_views]
+
+    def visibility(
+        self,
+        points: Float,
+        normals: Float,
+        cameras: OrthographicCameras,
+        image_size_px: tuple[int, int],
+    ) -> Bool:
+        """Which cameras see points of the surface: inside of the image, facing it, not hidden.
+
+        Parameters
+        ----------
+        points, normals : (N, 3) on the surface, and its outside there
+        cameras : M
+        image_size_px : width, height
+
+        Returns
+        -------
+        (N, M)
+
+        """
+        lift = LIFT * float(np.ptp(self._mesh.vertices, axis=0).max())
+        seen = np.zeros((len(points), len(cameras)), dtype=bool)
         for i, direction in enumerate(cameras.viewing_direction):
             xy = cameras.project(points, np.full(len(points), i))
             inside = np.all((xy >= 0) & (xy <= image_size_px), axis=1)
-            candidate = np.flatnonzero(~seen & inside & (normals @ direction < 0))
+            candidate = np.flatnonzero(inside & (normals @ direction < 0))
             origin = points[candidate] + lift * normals[candidate]
             hidden = self._scene.test_occlusions(ray_tensor(origin, -direction)).numpy()
-            seen[candidate[~hidden]] = True
-        return points[seen]
+            seen[candidate[~hidden], i] = True
+        return seen
 
-    def _samples(self, num: int) -> tuple[Float, Float]:
-        """Centres and unit normals of `num` faces, as often as their area asks for."""
+    def openings(self, points: Float, normals: Float, directions: Float) -> Float:
+        """Share of the directions, (D, 3) on the sphere, above a point that nothing hides: (N,)."""
+        lift = LIFT * float(np.ptp(self._mesh.vertices, axis=0).max())
+        open_, above = np.zeros(len(points)), np.zeros(len(points))
+        for direction in directions:
+            idx = np.flatnonzero(normals @ direction > 0)
+            origin = points[idx] + lift * normals[idx]
+            hidden = self._scene.test_occlusions(ray_tensor(origin, direction)).numpy()
+            above[idx] += 1.0
+            open_[idx[~hidden]] += 1.0
+        return np.asarray(open_ / np.maximum(above, 1.0))
+
+    def thickness(self, points: Float, normals: Float) -> Float:
+        """Way from points on the surface inward to its other side; inf where it is open: (N,)."""
+        lift = LIFT * float(np.ptp(self._mesh.vertices, axis=0).max())
+        rays = ray_tensor(points - lift * normals, -normals)
+        return np.asarray(self._scene.cast_rays(rays)["t_hit"].numpy().astype(float) + lift)
+
+    def samples(self, num: int) -> tuple[Float, Float]:
+        """Points spread evenly over the surface and the unit normals on its outside: (num, 3) each.
+
+        The centres of faces, each as often as its area asks for.
+        """
         a, b, c = (self._mesh.vertices[self._mesh.faces[:, k]] for k in range(3))
         cross = face_normals(self._mesh.vertices, self._mesh.faces)
         double_area = np.linalg.norm(cross, axis=1)
         total = np.cumsum(double_area)
         chosen = np.searchsorted(total, (np.arange(num) + 0.5) / num * total[-1])
-        normal = cross[chosen] / double_area[chosen][:, None]
+        normal = self._sign * cross[chosen] / double_area[chosen][:, None]
         return (a[chosen] + b[chosen] + c[chosen]) / 3.0, normal

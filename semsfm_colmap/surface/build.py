@@ -21,6 +21,7 @@ from semsfm_colmap.surface.mesh.halfedges import component_labels, num_boundary_
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import (
     DepthMap,
+    ParallelMap,
     PointCloud,
     Reconstruction,
     Solution,
@@ -45,6 +46,7 @@ def fuse_depth_maps(
     options: SurfaceOptions,
     *,
     progress: Progress | None = None,
+    parallel_map: ParallelMap = map,
 ) -> Solution[PointCloud]:
     """The cloud to mesh: the fused one, or the sparse one where the depth maps give too little.
 
@@ -53,7 +55,14 @@ def fuse_depth_maps(
     covers.
     """
     sparse = sparse_cloud(reconstruction, options)
-    fused = fuse(depth_maps, reconstruction, image_path, options, progress=progress)
+    fused = fuse(
+        depth_maps,
+        reconstruction,
+        image_path,
+        options,
+        progress=progress,
+        parallel_map=parallel_map,
+    )
     share = coverage(fused, sparse)
     diagnostics = {"coverage": share, "num_fused": len(fused.points)}
     if share < _MIN_COVERAGE:

@@ -25,6 +25,9 @@ class SurfaceOptions:
     """Longer side of a depth map; larger images are reduced to it."""
     max_num_depth_maps: int = 48
     """Images that get a depth map; of longer series as many, spread over the directions."""
+    min_reference_angle_deg: float = 4.5
+    """Of images seen at smaller angles to one another only some get a depth map; all are matched
+    against."""
     num_neighbors: int = 6
     """Images that each depth map is matched against."""
     min_baseline_deg: float = 2.0
@@ -65,8 +68,10 @@ class SurfaceOptions:
     """Surfaces of two depth maps agree within this distance, in px of the depth maps."""
     contradiction_px: float = 6.0
     """A point this far in front of another map's surface is contradicted by it."""
-    min_consistent_maps: int = 2
+    min_consistent_maps: int = 1
     """Other depth maps that must agree with a point."""
+    max_fused_outlier_sigma: float = 4.0
+    """As `max_outlier_sigma`, of the fused points, which depth maps have agreed on already."""
     spacing_px: float = 2.0
     """Distance between the points of the fused cloud, in px of the depth maps."""
 

@@ -15,6 +15,8 @@ def run(on: StageRun) -> DensifyRecord:
     Where the depth maps agree on too little (few images, small angles) the fused cloud is the
     sparse one, and that is said.
     """
+    import numpy as np
+
     from semsfm_colmap.io.ply import write_ply
     from semsfm_colmap.pipeline.stages.half_surfaces import compare_halves
     from semsfm_colmap.surface.build import fuse_depth_maps
@@ -26,7 +28,11 @@ def run(on: StageRun) -> DensifyRecord:
     reconstruction = project.read_main_model()
     # the maps are written aside and replace those of an earlier run as a whole
     folder = project.dense / "depth_maps"
-    references = choose_references(reconstruction.cameras, options.max_num_depth_maps)
+    references = choose_references(
+        reconstruction.cameras,
+        options.max_num_depth_maps,
+        np.radians(options.min_reference_angle_deg),
+    )
     names: list[str] = []
     with folder_aside(folder) as aside, on.reporter.progress("depth maps") as progress:
         for depth_map in sweep_depth_maps(
@@ -48,6 +54,7 @@ def run(on: StageRun) -> DensifyRecord:
             project.images,
             options,
             progress=progress,
+            parallel_map=on.executor.map,
         )
     if fused.value is None:
         raise InputError(fused.message)

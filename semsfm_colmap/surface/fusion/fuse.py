@@ -10,6 +10,7 @@ of images.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -21,8 +22,10 @@ from semsfm_colmap.surface.depth_geometry import back_project, depth_map_unit, p
 from semsfm_colmap.surface.fusion.cloud import dominant_layer, select, smooth_along_normals
 from semsfm_colmap.surface.fusion.consistency import vote
 from semsfm_colmap.surface.fusion.error_bars import matching_variance, with_error_bars
+from semsfm_colmap.surface.fusion.grid import CloudGrid
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.surface.stereo.rasters import raster_reader
+from semsfm_colmap.surface.stereo.rasters import read_raster
+from semsfm_colmap.surface.stereo.undrift import drift_of
 from semsfm_colmap.surface.stereo.views import choose_neighbors
 from semsfm_colmap.types import (
     Array,
@@ -31,6 +34,7 @@ from semsfm_colmap.types import (
     Float,
     Int,
     OrthographicCameras,
+    ParallelMap,
     PointCloud,
     Reconstruction,
 )
@@ -40,11 +44,9 @@ Progress = Callable[[int, int], None]
 
 _NUM_CACHED = 24
 """Depth maps kept in memory at a time."""
-_MERGE_ROWS = 2_000_000
-"""Points gathered before they are merged into the grid: some 200 MB."""
 _MAX_SLANT_DEG = 75.0
 """Steeper surface is left to images that see it better."""
-_MIN_FRONTALITY = 0.7
+_MIN_FRONTALITY = 0.4
 """A map leaves a pixel to the others when one of them sees its surface this much more frontally."""
 
 
@@ -55,6 +57,7 @@ def fuse(
     options: SurfaceOptions,
     *,
     progress: Progress | None = None,
+    parallel_map: ParallelMap = map,
 ) -> PointCloud:
     """The points that depth maps agree on, with normals, grey values and deviations.
 
@@ -65,6 +68,7 @@ def fuse(
     image_path : folder of the prepared images, for the grey values
     options : tolerances, spacing
     progress : called after each depth map
+    parallel_map : over the depth maps
 
     Returns
     -------
@@ -72,44 +76,66 @@ def fuse(
     normal, with all that `error_bars.py` lists.
 
     """
+    fused = gathered(
+        depth_maps,
+        reconstruction,
+        image_path,
+        options,
+        progress=progress,
+        parallel_map=parallel_map,
+    )
+    return with_error_bars(_clean(fused, options), reconstruction, fused.spacing)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gathered:
+    """What the depth maps agree on, before it is cleaned."""
+
+    cloud: PointCloud
+    weight: Float
+    """(N,) of each point, the sum over the pixels that made it"""
+    spacing: float
+    """Size of the cells, world units"""
+
+
+def gathered(
+    depth_maps: Sequence[DepthMap],
+    reconstruction: Reconstruction,
+    image_path: Path | str,
+    options: SurfaceOptions,
+    *,
+    progress: Progress | None = None,
+    parallel_map: ParallelMap = map,
+) -> Gathered:
+    """The points that depth maps agree on, one a cell of the grid; parameters as of `fuse`."""
     names = list(reconstruction.image_names)
     map_names = _names(depth_maps)
     position = {names.index(name): k for k, name in enumerate(map_names)}
     images = np.array(sorted(position), dtype=np.int64)
+    if len(images) == 0:
+        raise InputError("There are no depth maps to fuse: run the densify step first.")
     required = min(options.min_consistent_maps, max(1, len(images) - 1))
     load = lru_cache(maxsize=_NUM_CACHED)(lambda idx: depth_maps[position[idx]])
-    grid: _Grid | None = None
-    for done, image_idx in enumerate(images.tolist()):
+
+    def job(image_idx: int) -> Float:
         depth_map = load(image_idx)
-        size = reconstruction.image_size_px[image_idx]
-        unit = depth_map_unit(reconstruction.cameras, image_idx, size, depth_map)
-        if grid is None:
-            grid = _Grid(options.spacing_px * unit)
-        read = raster_reader(
-            Path(image_path),
-            None,
-            reconstruction.image_names,
-            reconstruction.image_size_px,
-            max(depth_map.depth.shape),
-            1,
-            reconstruction.drift_px,
-        )
-        rows = _points(
-            depth_map,
-            image_idx,
-            images,
-            load,
-            reconstruction,
-            read(image_idx).grey,
-            required,
-            options,
-        )
+        width, height = (int(v) for v in reconstruction.image_size_px[image_idx])
+        name = reconstruction.image_names[image_idx]
+        longest = max(depth_map.depth.shape)
+        drift = drift_of(reconstruction.drift_px, image_idx)
+        grey = read_raster(Path(image_path), None, name, longest, (width, height), drift).grey
+        return _points(depth_map, image_idx, images, load, reconstruction, grey, required, options)
+
+    first = int(images[0])
+    size = reconstruction.image_size_px[first]
+    unit = depth_map_unit(reconstruction.cameras, first, size, load(first))
+    grid = CloudGrid(options.spacing_px * unit)
+    for done, rows in enumerate(parallel_map(job, images.tolist())):
         grid.add(rows)
         if progress is not None:
             progress(done + 1, len(images))
-    if grid is None:
-        raise InputError("There are no depth maps to fuse: run the densify step first.")
-    return with_error_bars(_clean(*grid.cloud(), grid.size, options), reconstruction, grid.size)
+    cloud, weight = grid.cloud()
+    return Gathered(cloud=cloud, weight=weight, spacing=grid.size)
 
 
 def _names(depth_maps: Sequence[DepthMap]) -> list[str]:
@@ -173,63 +199,17 @@ def _others(
     return np.asarray(among[chosen])
 
 
-class _Grid:
-    """Weighted sums of the rows that fall into each cell."""
-
-    def __init__(self, size: float) -> None:
-        self.size = size
-        self._waiting: list[Float] = []
-        self._num_waiting = 0
-        self._key = np.zeros(0, dtype=np.int64)
-        self._sums = np.zeros((0, 9))
-
-    def add(self, rows: Float) -> None:
-        """Add rows (weight, position, normal, grey, variance)."""
-        self._waiting.append(np.column_stack([rows[:, :1], rows[:, 1:] * rows[:, :1]]))
-        self._num_waiting += len(rows)
-        if self._num_waiting > _MERGE_ROWS:
-            self._merge()
-
-    def _merge(self) -> None:
-        rows = np.concatenate(self._waiting)
-        cell = np.floor(rows[:, 1:4] / rows[:, :1] / self.size).astype(np.int64) + (1 << 20)
-        if len(cell) and (cell.min() < 0 or cell.max() >= 1 << 21):
-            raise InputError("The depth maps spread too far: the cameras do not fit together.")
-        key = (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]
-        key = np.concatenate([self._key, key])
-        rows = np.concatenate([self._sums, rows])
-        self._key, inverse = np.unique(key, return_inverse=True)
-        self._sums = np.stack(
-            [np.bincount(inverse, weights=column, minlength=len(self._key)) for column in rows.T],
-            axis=1,
-        )
-        self._waiting, self._num_waiting = [], 0
-
-    def cloud(self) -> tuple[PointCloud, Float]:
-        """The weighted mean of each cell, and its weight."""
-        if self._waiting:
-            self._merge()
-        mean = self._sums[:, 1:] / np.maximum(self._sums[:, :1], 1e-300)
-        normals = mean[:, 3:6]
-        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        grey = np.clip(np.rint(mean[:, 6:7]), 0, 255).astype(np.uint8)
-        cloud = PointCloud(
-            points=mean[:, :3],
-            normals=normals,
-            colors=np.repeat(grey, 3, axis=1),
-            sigma=np.sqrt(mean[:, 7]),
-        )
-        return cloud, self._sums[:, 0]
-
-
-def _clean(cloud: PointCloud, weight: Float, size: float, options: SurfaceOptions) -> PointCloud:
+def _clean(fused: Gathered, options: SurfaceOptions) -> PointCloud:
     """One layer of points without stray ones and small islands, lightly smoothed."""
+    cloud, weight, size = fused.cloud, fused.weight, fused.spacing
     if len(cloud.points) <= options.num_outlier_neighbors:
         return cloud
     cloud = select(cloud, dominant_layer(cloud, weight, size))
     cloud = select(
         cloud,
-        statistical_inliers(cloud.points, options.num_outlier_neighbors, options.max_outlier_sigma),
+        statistical_inliers(
+            cloud.points, options.num_outlier_neighbors, options.max_fused_outlier_sigma
+        ),
     )
     cloud = select(cloud, _large_islands(cloud.points, 2.5 * size, options.min_component_fraction))
     return smooth_along_normals(cloud, options.num_normal_neighbors // 2, 1)

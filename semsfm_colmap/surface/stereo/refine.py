@@ -9,6 +9,9 @@ from semsfm_colmap.surface.stereo.level import Level
 from semsfm_colmap.surface.stereo.refine_kernels import local_planes, slanted_step
 from semsfm_colmap.types import Array, Int
 
+_STRIDE_PX = 2
+"""All steps but the last move every second pixel, as on a chessboard: enough for local planes."""
+
 
 def refine_depths(
     level: Level, depth: Array, score: Array, options: SurfaceOptions
@@ -24,7 +27,8 @@ def refine_depths(
     window, window_weight = _window(options.window_radius_px)
     gradient = _epipolar_gradient(level)
     information = np.zeros_like(depth)
-    for _ in range(options.num_refinements):
+    for k in range(options.num_refinements):
+        last = k == options.num_refinements - 1
         plane = local_planes(depth, score, options.slope_radius_px, 2.5 * level.unit)
         slanted_step(
             level.grey,
@@ -40,6 +44,7 @@ def refine_depths(
             options.window_grey_share * level.contrast,
             options.visibility_spread,
             options.smoothness / level.unit**2,
+            1 if last else _STRIDE_PX,
             depth,
             score,
             information,

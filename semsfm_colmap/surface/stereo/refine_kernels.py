@@ -86,6 +86,7 @@ def slanted_step(
     grey_cut: float,
     spread: float,
     smoothness: float,
+    stride: int,
     depth: Array,
     score: Array,
     information: Array,
@@ -110,6 +111,8 @@ def slanted_step(
     B, c, e : the maps of `AffineSweep`
     window, window_weight : (K, 2) int64 offsets of the window's samples, (K,) float32
     noise : (1 + V,) deviations
+    stride : pixels with ``(x + y) % stride == 0`` are moved; the others get the depth of their
+        plane and the score 0, with which they have no say in the next planes
     depth, score : (H, W) float32, overwritten: depth and mean correlation
     information : (H, W) float32, overwritten: inverse variance of the depth by the windows alone,
         per world unit squared; zero where no neighbour counts
@@ -133,6 +136,10 @@ def slanted_step(
             information[y, x] = 0.0
             if not math.isfinite(z):
                 depth[y, x] = np.nan
+                score[y, x] = 0.0
+                continue
+            if (x + y) % stride != 0:
+                depth[y, x] = z
                 score[y, x] = 0.0
                 continue
             _reference_window(reference, x, y, window, window_weight, grey_cut, noise[0], weight, a)

@@ -105,21 +105,33 @@ def choose_neighbors(
     return out[np.argsort(angle[out], kind="stable")]
 
 
-def choose_references(cameras: OrthographicCameras, max_num: int) -> Int:
-    """The images that get a depth map: all, or `max_num` spread over the viewing directions."""
-    num = len(cameras)
-    if num <= max_num:
-        return np.arange(num)
+def choose_references(
+    cameras: OrthographicCameras, max_num: int, min_angle_rad: float = 0.0
+) -> Int:
+    """The images that get a depth map, spread over the viewing directions.
+
+    Again and again the image whose direction is farthest from those taken so far, until `max_num`
+    are taken or every image lies within `min_angle_rad` of one that is: it would see the same
+    surface from nearly the same side, and its picture counts as a neighbour of the other's.
+
+    Returns
+    -------
+    (K,) image indices, increasing, K <= max_num
+
+    """
     d = cameras.viewing_direction
     taken = [0]
-    distance = np.linalg.norm(d - d[0], axis=1)
-    distance[0] = -1.0
-    while len(taken) < max_num:
-        best = int(np.argmax(distance))
+    angle = np.full(len(cameras), np.inf)
+    while len(taken) < min(max_num, len(cameras)):
+        cosine = d @ d[taken[-1]]
+        sine = np.linalg.norm(np.cross(d, d[taken[-1]]), axis=1)
+        angle = np.minimum(angle, np.arctan2(sine, cosine))
+        angle[taken] = -1.0
+        best = int(np.argmax(angle))
+        if angle[best] < min_angle_rad:
+            break
         taken.append(best)
-        distance = np.minimum(distance, np.linalg.norm(d - d[best], axis=1))
-        distance[taken] = -1.0
-    return np.sort(np.array(taken))
+    return np.sort(np.array(taken, dtype=np.int64))
 
 
 def depth_range(

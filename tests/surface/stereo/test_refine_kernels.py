@@ -95,6 +95,7 @@ def test_slanted_steps_lead_to_the_true_depth(start_error: float) -> None:
             500.0,
             0.4,
             0.0,
+            1,
             depth,
             score,
             information,
@@ -127,6 +128,7 @@ def test_a_neighbour_that_sees_something_else_is_outvoted() -> None:
             500.0,
             0.4,
             0.0,
+            1,
             depth,
             score,
             information,
@@ -144,7 +146,7 @@ def test_an_unknown_depth_stays_unknown() -> None:
     eye = np.tile(np.eye(2), (2, 1, 1))
     slanted_step(
         pair["grey"], plane, pair["views"], np.ones((2, 40, 60), np.uint8), eye, pair["c"],
-        np.zeros((2, 2)), one, np.ones(1, np.float32), np.ones(3), 10.0, 0.4, 0.0, depth, score,
+        np.zeros((2, 2)), one, np.ones(1, np.float32), np.ones(3), 10.0, 0.4, 0.0, 1, depth, score,
         information,
     )  # fmt: skip
     assert np.isnan(depth).all()
@@ -170,9 +172,30 @@ def test_the_information_of_a_window_is_the_variance_that_noise_gives_its_depth(
         slanted_step(
             grey, plane, views, np.ones((2, 40, 60), np.uint8), np.tile(np.eye(2), (2, 1, 1)),
             pair["c"], np.zeros((2, 2)), window, np.ones(len(window), np.float32), np.full(3, 0.3),
-            500.0, 0.4, 0.0, depth, score, information,
+            500.0, 0.4, 0.0, 1, depth, score, information,
         )  # fmt: skip
         found.append(depth[10:-10:10, 10:-10:10] - 5.0)
         stated.append(information[10:-10:10, 10:-10:10] ** -0.5)
     # half of the samples count as independent: all of them are here, hence up to sqrt(2) too wide
     assert 0.4 < np.std(found) / np.median(stated) < 1.2
+
+
+def test_pixels_between_those_that_move_keep_their_planes_and_have_no_say() -> None:
+    pair = stereo_pair(5.0)
+    depth = np.full((40, 60), 4.2, dtype=np.float32)
+    score = np.ones_like(depth)
+    plane = np.stack([depth + 0.3, np.zeros_like(depth), np.zeros_like(depth)])
+    window = np.array([(i, j) for j in range(-3, 4) for i in range(-3, 4)])
+    slanted_step(
+        pair["grey"], plane, pair["views"], np.ones((2, 40, 60), np.uint8),
+        np.tile(np.eye(2), (2, 1, 1)), pair["c"], np.zeros((2, 2)), window,
+        np.ones(len(window), np.float32), np.full(3, 0.3), 500.0, 0.4, 0.0, 2, depth, score,
+        np.zeros_like(depth),
+    )  # fmt: skip
+    y, x = np.mgrid[0:40, 0:60]
+    between = (x + y) % 2 == 1
+    np.testing.assert_array_equal(depth[between], np.float32(4.5))
+    assert (score[between] == 0.0).all()
+    inner = np.s_[8:-8, 8:-8]
+    assert np.abs(depth[inner][~between[inner]] - 5.0).max() < 0.25
+    assert score[inner][~between[inner]].min() > 0.9
