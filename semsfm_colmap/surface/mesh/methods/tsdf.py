@@ -1,0 +1,117 @@
+"""A truncated signed distance on a grid of voxels, and the surface where it is zero.
+
+With depth maps (Curless and Levoy, SIGGRAPH 1996) a voxel x that a map sees at depth z, where the
+map has the surface at z_s, is ``(z_s - z) |n . r| / (a . r)`` in front of it: r is the ray, a the
+camera's axis, n the normal of the nearest point of the cloud, so that distances along slanted rays
+count as distances to the surface. Voxels more than the truncation behind are hidden and not
+counted. Values are averaged with weights |n . r|. It holds for parallel rays as for pinholes
+(`depth_view.py`); open3d's integration, which models pinholes alone, is not used.
+
+Without depth maps (Hoppe et al., SIGGRAPH 1992) the distance is the weighted mean of
+``n_k . (x - p_k)`` over the nearest points p_k, with weights ``exp(-|x - p_k|^2 / 2 b^2)``.
+
+Only voxels within the truncation of a point have a value: what nobody saw stays open. Marching
+cubes (Lewiner et al. 2003) puts a vertex on each edge of the grid where the sign changes; values
+nearer to zero than a twentieth of a voxel are moved away from it, as they would give needles.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.surface.mesh.methods.task import MeshTask, RawSurface
+from semsfm_colmap.surface.options import SurfaceOptions
+from semsfm_colmap.types import Array, Bool, Float, Int
+
+MAX_VOXELS = 60_000_000
+"""Of the box around the points; beyond it voxels become larger: two arrays of 240 MB."""
+MIN_VALUE = 0.05
+"""Least distance of a voxel's centre to the surface, in voxels."""
+NUM_NEIGHBORS = 12
+"""Points that a distance without depth maps is the mean of."""
+_CHUNK = 200_000
+"""Voxels at a time: bounds the memory of the neighbours to some 100 MB."""
+
+
+def make_surface(task: MeshTask, options: SurfaceOptions) -> RawSurface:
+    """The zero of the signed distance, facing the viewers."""
+    from scipy.spatial import cKDTree
+    from skimage.measure import marching_cubes
+
+    points = task.cloud.points
+    voxel = options.tsdf_voxel_factor * task.spacing
+    margin = options.tsdf_truncation_voxels + 2.0
+    extent = np.ptp(points, axis=0)
+    while np.prod(extent / voxel + 2 * margin + 1) > MAX_VOXELS:
+        voxel *= 1.1
+    truncation = options.tsdf_truncation_voxels * voxel
+    origin = points.min(axis=0) - margin * voxel
+    shape = tuple((np.ceil(extent / voxel + 2 * margin) + 1).astype(int).tolist())
+    cells = np.argwhere(near_points(points, origin, voxel, shape, options.tsdf_truncation_voxels))
+    tree = cKDTree(points)
+    value = np.full(len(cells), np.nan)
+    for start in range(0, len(cells), _CHUNK):
+        rows = slice(start, start + _CHUNK)
+        x = origin + voxel * cells[rows]
+        distance, idx = map(np.asarray, tree.query(x, k=NUM_NEIGHBORS, workers=-1))
+        found = distance_to_points(x, task, distance, idx)
+        if len(task.views):
+            seen = distance_to_maps(x, task, idx[:, 0], truncation)
+            found = np.where(np.isfinite(seen), seen, found)
+        value[rows] = np.where(distance[:, 0] <= truncation, found, np.nan)
+    known = np.isfinite(value)
+    scaled = np.clip(value[known] / voxel, -options.tsdf_truncation_voxels, None)
+    scaled = np.where(scaled < 0, np.minimum(scaled, -MIN_VALUE), np.maximum(scaled, MIN_VALUE))
+    grid = np.full(shape, np.float32(options.tsdf_truncation_voxels))
+    mask: Bool = np.zeros(shape, dtype=bool)
+    place = tuple(cells[known].T)
+    grid[place], mask[place] = scaled, True
+    if not (scaled < 0).any() or not (scaled > 0).any():
+        raise InputError("The signed distance has no zero: the normals of the cloud contradict.")
+    vertices, faces, _, _ = marching_cubes(grid, 0.0, mask=mask, gradient_direction="ascent")
+    vertices = origin + voxel * vertices.astype(np.float64)
+    colors = None
+    if task.cloud.colors is not None:
+        colors = np.asarray(task.cloud.colors)[tree.query(vertices, workers=-1)[1]]
+    return RawSurface(vertices=vertices, faces=faces.astype(np.int64), colors=colors)
+
+
+def near_points(
+    points: Float, origin: Float, voxel: float, shape: tuple[int, ...], reach: float
+) -> Bool:
+    """Voxels within `reach` voxels, along each axis, of one that holds a point: bool, `shape`."""
+    from scipy.ndimage import maximum_filter
+
+    occupied: Array = np.zeros(shape, dtype=np.uint8)
+    cell: Int = np.rint((points - origin) / voxel).astype(np.int64)
+    occupied[tuple(cell.T)] = 1
+    return np.asarray(maximum_filter(occupied, size=2 * int(np.ceil(reach)) + 1) > 0)
+
+
+def distance_to_points(x: Float, task: MeshTask, distance: Float, idx: Int) -> Float:
+    """The signed distance to the planes of the nearest points: (n,)."""
+    weight = np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2) / task.spacing**2)
+    offset = np.einsum(
+        "nki,nki->nk", x[:, None] - task.cloud.points[idx], task.normals[idx], optimize=True
+    )
+    return np.asarray((weight * offset).sum(axis=1) / weight.sum(axis=1))
+
+
+def distance_to_maps(x: Float, task: MeshTask, nearest: Int, truncation: float) -> Float:
+    """The mean signed distance to the surfaces of the depth maps, nan where no map has a say."""
+    total, weights = np.zeros(len(x)), np.zeros(len(x))
+    normal = task.normals[nearest]
+    for view in task.views:
+        u, v, z = view.project(x)
+        gap = view.depth_at(u, v) - z
+        ray = view.rays(x)
+        facing = -np.einsum("ni,ni->n", normal, ray)
+        along = ray @ view.depth_row[:3]
+        signed = gap * np.abs(facing) / along
+        counts = np.isfinite(signed) & (signed > -truncation) & (facing > 0)
+        weight = np.where(counts, facing, 0.0)
+        total += weight * np.where(counts, np.minimum(signed, truncation), 0.0)
+        weights += weight
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(weights > 0, total / weights, np.nan)
