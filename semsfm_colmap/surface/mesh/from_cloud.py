@@ -23,6 +23,9 @@ from semsfm_colmap.surface.mesh.repair import compact, drop_small_components, re
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Float, PointCloud, TriangleMesh
 
+MIN_WIDTH = 1e-6
+"""A cloud narrower than this share of its length is a line."""
+
 
 def mesh_cloud(
     cloud: PointCloud, options: SurfaceOptions, views: Sequence[DepthView] = ()
@@ -55,6 +58,9 @@ def mesh_cloud(
     b = sampling_distance(cloud.points)
     if not b > 0:
         raise InputError("Most points of the cloud lie in one place: no surface comes of it.")
+    spread = np.linalg.svd(cloud.points - cloud.points.mean(axis=0), compute_uv=False)
+    if spread[1] <= MIN_WIDTH * spread[0]:
+        raise InputError("No surface comes of the points: they lie on a line.")
     if method.thins:
         cloud = thin(cloud, options.thinning_factor * b)
         cloud = smooth_along_normals(

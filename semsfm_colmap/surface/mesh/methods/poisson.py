@@ -23,8 +23,9 @@ def make_surface(task: MeshTask, options: SurfaceOptions) -> RawSurface:
     from scipy.spatial import cKDTree
 
     o3d = import_open3d()
+    # with more threads the order of its sums, and so the mesh, changes from run to run
     mesh, density = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
-        to_open3d(task.cloud), depth=options.poisson_depth, linear_fit=False
+        to_open3d(task.cloud), depth=options.poisson_depth, linear_fit=False, n_threads=1
     )
     vertices = np.array(mesh.vertices)
     faces = np.asarray(mesh.triangles).astype(np.int64)

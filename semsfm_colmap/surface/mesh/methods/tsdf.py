@@ -8,7 +8,7 @@ counted. Values are averaged with weights |n . r|. It holds for parallel rays as
 (`depth_view.py`); open3d's integration, which models pinholes alone, is not used.
 
 Without depth maps (Hoppe et al., SIGGRAPH 1992) the distance is the weighted mean of
-``n_k . (x - p_k)`` over the nearest points p_k, with weights ``exp(-|x - p_k|^2 / 2 b^2)``.
+``n_k . (x - p_k)`` over the nearest points p_k, with weights ``exp(-2 |x - p_k|^2 / b^2)``.
 
 Only voxels within the truncation of a point have a value: what nobody saw stays open. Marching
 cubes (Lewiner et al. 2003) puts a vertex on each edge of the grid where the sign changes; values
@@ -28,6 +28,9 @@ MAX_VOXELS = 60_000_000
 """Of the box around the points; beyond it voxels become larger: two arrays of 240 MB."""
 MIN_VALUE = 0.05
 """Least distance of a voxel's centre to the surface, in voxels."""
+MAX_BESIDE = 1.0
+"""A voxel that lies farther beside the nearest point, along the surface, than so many b has no
+value: the surface would go on beyond its rim."""
 NUM_NEIGHBORS = 12
 """Points that a distance without depth maps is the mean of."""
 _CHUNK = 200_000
@@ -59,22 +62,48 @@ def make_surface(task: MeshTask, options: SurfaceOptions) -> RawSurface:
         if len(task.views):
             seen = distance_to_maps(x, task, idx[:, 0], truncation)
             found = np.where(np.isfinite(seen), seen, found)
-        value[rows] = np.where(distance[:, 0] <= truncation, found, np.nan)
+        beside = np.sqrt(np.maximum(distance[:, 0] ** 2 - found**2, 0.0))
+        near = (distance[:, 0] <= truncation) & (beside <= MAX_BESIDE * task.spacing)
+        value[rows] = np.where(near, found, np.nan)
     known = np.isfinite(value)
     scaled = np.clip(value[known] / voxel, -options.tsdf_truncation_voxels, None)
     scaled = np.where(scaled < 0, np.minimum(scaled, -MIN_VALUE), np.maximum(scaled, MIN_VALUE))
-    grid = np.full(shape, np.float32(options.tsdf_truncation_voxels))
-    mask: Bool = np.zeros(shape, dtype=bool)
-    place = tuple(cells[known].T)
-    grid[place], mask[place] = scaled, True
+    grid = np.full(shape, np.nan, dtype=np.float32)
+    grid[tuple(cells[known].T)] = scaled
+    mask = whole_cells(np.isfinite(grid))
+    grid[np.isnan(grid)] = 0.0
     if not (scaled < 0).any() or not (scaled > 0).any():
         raise InputError("The signed distance has no zero: the normals of the cloud contradict.")
-    vertices, faces, _, _ = marching_cubes(grid, 0.0, mask=mask, gradient_direction="ascent")
+    try:
+        vertices, faces, _, _ = marching_cubes(grid, 0.0, mask=mask, gradient_direction="descent")
+    except RuntimeError as error:
+        raise InputError(
+            "The signed distance has no zero where it is known: the cloud is too sparse."
+        ) from error
     vertices = origin + voxel * vertices.astype(np.float64)
     colors = None
     if task.cloud.colors is not None:
         colors = np.asarray(task.cloud.colors)[tree.query(vertices, workers=-1)[1]]
     return RawSurface(vertices=vertices, faces=faces.astype(np.int64), colors=colors)
+
+
+def whole_cells(known: Bool) -> Bool:
+    """The far corners of the cells all of whose eight corners are known, as scikit-image asks.
+
+    Parameters
+    ----------
+    known : (I, J, K) voxels with a value
+
+    """
+    lower, upper = slice(None, -1), slice(1, None)
+    whole: Bool = np.ones(tuple(n - 1 for n in known.shape), dtype=bool)
+    for i in (lower, upper):
+        for j in (lower, upper):
+            for k in (lower, upper):
+                whole &= known[i, j, k]
+    mask: Bool = np.zeros(known.shape, dtype=bool)
+    mask[1:, 1:, 1:] = whole
+    return mask
 
 
 def near_points(
@@ -91,7 +120,7 @@ def near_points(
 
 def distance_to_points(x: Float, task: MeshTask, distance: Float, idx: Int) -> Float:
     """The signed distance to the planes of the nearest points: (n,)."""
-    weight = np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2) / task.spacing**2)
+    weight = np.exp(-2.0 * (distance**2 - distance[:, :1] ** 2) / task.spacing**2)
     offset = np.einsum(
         "nki,nki->nk", x[:, None] - task.cloud.points[idx], task.normals[idx], optimize=True
     )
