@@ -29,9 +29,7 @@ class AnyModel:
     cam_from_world: Float
     """(M, 3, 4)"""
     matrix: Float
-    """(M, 3, 3) K, nan where the camera has distortion"""
-    focal_length_px: Float
-    """(M, 2) along x and y"""
+    """(M, 3, 3) K, nan where the camera has distortion or no plane"""
     points: Float
     """(N, 3)"""
     colors: Array
@@ -101,9 +99,6 @@ def read_any_model(path: Path, image_path: Path | None = None) -> AnyModel:
             [image.cam_from_world().matrix() for image in images], dtype=np.float64
         ).reshape(-1, 3, 4),
         matrix=np.array([_matrix(camera) for camera in cameras]).reshape(-1, 3, 3),
-        focal_length_px=np.array([(c.focal_length_x, c.focal_length_y) for c in cameras]).reshape(
-            -1, 2
-        ),
         points=np.array(points, dtype=np.float64).reshape(-1, 3),
         colors=np.array(colors, dtype=np.uint8).reshape(-1, 3),
         observation_point=observed[:, 0],
@@ -132,6 +127,6 @@ def _has_colors(model: Any) -> bool:
 
 
 def _matrix(camera: Any) -> Float:
-    if not camera.is_undistorted():
+    if not (camera.is_perspective() and camera.is_undistorted()):
         return np.full((3, 3), np.nan)
     return np.asarray(camera.calibration_matrix(), dtype=np.float64)

@@ -54,9 +54,7 @@ class MesherContract:
     """A point that every face of the cap's mesh turns its back to."""
 
     def mesh(self, cloud: PointCloud, **more: Any) -> Any:
-        return mesh_cloud(
-            cloud, SurfaceOptions(method=self.method, **{**self.options, **more})
-        )
+        return mesh_cloud(cloud, SurfaceOptions(method=self.method, **{**self.options, **more}))
 
     def test_the_registry_knows_it(self) -> None:
         assert METHODS[self.method].mesher()
@@ -106,9 +104,9 @@ class MesherContract:
         large = PointCloud(points=1024.0 * cloud.points, normals=cloud.normals)
         mesh, other = self.mesh(cloud), self.mesh(large)
         assert len(other.faces) == pytest.approx(len(mesh.faces), rel=0.01)
-        assert np.abs(np.ptp(other.vertices, axis=0) / 1024 - np.ptp(mesh.vertices, axis=0)).max() < (
-            0.02
-        )
+        assert np.abs(
+            np.ptp(other.vertices, axis=0) / 1024 - np.ptp(mesh.vertices, axis=0)
+        ).max() < (0.02)
 
     def test_the_same_cloud_gives_the_same_mesh(self) -> None:
         first, second = self.mesh(cap(2000)), self.mesh(cap(2000))
