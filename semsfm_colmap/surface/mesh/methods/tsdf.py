@@ -17,9 +17,12 @@ nearer to zero than a twentieth of a voxel are moved away from it, as they would
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.surface.depth_view import DepthView
 from semsfm_colmap.surface.mesh.methods.task import MeshTask, RawSurface
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Array, Bool, Float, Int
@@ -53,14 +56,15 @@ def make_surface(task: MeshTask, options: SurfaceOptions) -> RawSurface:
     shape = tuple((np.ceil(extent / voxel + 2 * margin) + 1).astype(int).tolist())
     cells = np.argwhere(near_points(points, origin, voxel, shape, options.tsdf_truncation_voxels))
     tree = cKDTree(points)
+    views = list(task.views)  # read once: 3 MB each
     value = np.full(len(cells), np.nan)
     for start in range(0, len(cells), _CHUNK):
         rows = slice(start, start + _CHUNK)
         x = origin + voxel * cells[rows]
         distance, idx = map(np.asarray, tree.query(x, k=NUM_NEIGHBORS, workers=-1))
         found = distance_to_points(x, task, distance, idx)
-        if len(task.views):
-            seen = distance_to_maps(x, task, idx[:, 0], truncation)
+        if views:
+            seen = distance_to_maps(x, task, views, idx[:, 0], truncation)
             found = np.where(np.isfinite(seen), seen, found)
         beside = np.sqrt(np.maximum(distance[:, 0] ** 2 - found**2, 0.0))
         near = (distance[:, 0] <= truncation) & (beside <= MAX_BESIDE * task.spacing)
@@ -127,11 +131,13 @@ def distance_to_points(x: Float, task: MeshTask, distance: Float, idx: Int) -> F
     return np.asarray((weight * offset).sum(axis=1) / weight.sum(axis=1))
 
 
-def distance_to_maps(x: Float, task: MeshTask, nearest: Int, truncation: float) -> Float:
+def distance_to_maps(
+    x: Float, task: MeshTask, views: Sequence[DepthView], nearest: Int, truncation: float
+) -> Float:
     """The mean signed distance to the surfaces of the depth maps, nan where no map has a say."""
     total, weights = np.zeros(len(x)), np.zeros(len(x))
     normal = task.normals[nearest]
-    for view in task.views:
+    for view in views:
         u, v, z = view.project(x)
         gap = view.depth_at(u, v) - z
         ray = view.rays(x)
