@@ -71,6 +71,10 @@ class DepthView:
 
     def rays(self, points: Float) -> Float:
         """Unit directions from the viewer to points: (N, 3) -> (N, 3)."""
+        if not np.any(self.projection[2, :3]):
+            axis = np.cross(self.projection[0, :3], self.projection[1, :3])
+            axis *= np.sign(axis @ self.depth_row[:3]) / np.linalg.norm(axis)
+            return np.broadcast_to(axis, points.shape)
         # both lines of a pixel hold the ray; their cross product is it, up to its sign
         u, v, _ = self.project(points)
         P = self.projection

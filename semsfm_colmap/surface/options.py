@@ -89,7 +89,7 @@ class SurfaceOptions:
     """Pieces with fewer faces than this share of the largest piece are dropped."""
     max_hole_edges: int = 30
     """Holes with at most this many boundary edges are filled; 0 leaves all open."""
-    max_edge_factor: float = 5.0
+    max_edge_factor: float = 3.0
     """delaunay-2.5d leaves out triangles with longer edges, in units of that median distance."""
     tsdf_voxel_factor: float = 0.7
     """Edge of tsdf's voxels in the same unit."""

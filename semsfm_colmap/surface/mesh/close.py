@@ -5,7 +5,9 @@ Where the faces' area vectors do not cancel (``|sum a_i| / sum |a_i|`` is 0 for 
 for a flat sheet) the longest rim gets a wall down to a plane below the lowest vertex and a floor.
 All other holes are spanned in place by triangulations of little area (`holes.py`). A rim with many
 edges is first spanned between some of its corners, evenly chosen, and then between neighbouring
-ones of these, so that the cost stays near that of the small polygon.
+ones of these, so that the cost stays near that of the small polygon. Where no triangles can be had
+without an edge that the mesh has already, or without needles along a straight rim, a new vertex in
+the middle of the rim is joined to all of it.
 """
 
 from __future__ import annotations
@@ -15,13 +17,14 @@ import numpy as np
 from semsfm_colmap.geometry.mesh_normals import face_normals
 from semsfm_colmap.surface.mesh.halfedges import directed_keys
 from semsfm_colmap.surface.mesh.holes import best_triangulation, boundary_loops
+from semsfm_colmap.surface.mesh.repair import drop_degenerate
 from semsfm_colmap.types import Array, Bool, Float, Int
 
 SHEET_RATIO = 0.5
 """Above this a surface is a sheet with a rim: half a ball has 0.5."""
 FLOOR_DEPTH = 0.1
 """The floor lies this share of the sheet's extent below its lowest vertex."""
-MAX_CORNERS = 48
+MAX_CORNERS = 200
 """Rims with more edges are spanned between so many of their corners first."""
 
 
@@ -54,10 +57,10 @@ def close_holes(
     added = [faces]
     for loop in loops:
         patch = _span(vertices, loop, edges)
-        if patch is None:
+        if patch is None or len(drop_degenerate(vertices, patch)) < len(patch):
             vertices = np.concatenate([vertices, vertices[loop].mean(axis=0, keepdims=True)])
             middle = np.full(len(loop), len(vertices) - 1)
-            source = np.append(source, loop[0])
+            source = np.append(source, source[loop[0]])
             patch = np.column_stack([loop, np.roll(loop, -1), middle])
             # keys count vertices: they are made anew
             edges = set(directed_keys(np.concatenate(added), len(vertices)).tolist())

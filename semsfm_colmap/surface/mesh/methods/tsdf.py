@@ -63,11 +63,11 @@ def make_surface(task: MeshTask, options: SurfaceOptions) -> RawSurface:
         x = origin + voxel * cells[rows]
         distance, idx = map(np.asarray, tree.query(x, k=NUM_NEIGHBORS, workers=-1))
         found = distance_to_points(x, task, distance, idx)
-        if views:
-            seen = distance_to_maps(x, task, views, idx[:, 0], truncation)
-            found = np.where(np.isfinite(seen), seen, found)
         beside = np.sqrt(np.maximum(distance[:, 0] ** 2 - found**2, 0.0))
         near = (distance[:, 0] <= truncation) & (beside <= MAX_BESIDE * task.spacing)
+        if views:
+            seen = distance_to_maps(x[near], task, views, idx[near, 0], truncation)
+            found[near] = np.where(np.isfinite(seen), seen, found[near])
         value[rows] = np.where(near, found, np.nan)
     known = np.isfinite(value)
     scaled = np.clip(value[known] / voxel, -options.tsdf_truncation_voxels, None)
