@@ -22,6 +22,9 @@ from semsfm_colmap.segmentation.options import SegmentationOptions
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.tracks.options import TrackOptions
 
+RENAMED_VALUES = {("surface", "method", "ball_pivoting"): "ball-pivoting"}
+"""Section, option and value of older configuration files, and what the value is called now."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FeatureOptions(SiftOptions):
@@ -96,12 +99,22 @@ def config_from_dict(data: dict[str, Any], source: str = "the configuration") ->
     from pydantic import TypeAdapter, ValidationError
 
     _refuse_unknown(data, source)
+    data = _renamed(data)
     try:
         return TypeAdapter(Config).validate_python(data)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
         raise UsageError(f"{source}: {place} = {first.get('input')!r}: {first['msg']}") from error
+
+
+def _renamed(data: dict[str, Any]) -> dict[str, Any]:
+    """Values under the names that they have now: projects of older versions go on."""
+    result = dict(data)
+    for (section, key, old), new in RENAMED_VALUES.items():
+        if data.get(section, {}).get(key) == old:
+            result[section] = {**result[section], key: new}
+    return result
 
 
 def _refuse_unknown(data: dict[str, Any], source: str) -> None:

@@ -376,6 +376,29 @@ class MeshRecord(StageRecord):
     num_faces: int
     extent: tuple[float, ...] = field(default=())
     """world units, along the axes"""
+    method: str | None = None
+    num_components: int | None = None
+    num_boundary_edges: int | None = None
+    """of holes and rims; 0: a closed surface"""
+    area: float | None = None
+    """world units squared"""
+    volume: float | None = None
+    """of a closed surface"""
+    hull_area: float | None = None
+    """of the convex hull of the vertices"""
+    hull_volume: float | None = None
+    """bounds the specimen's from above"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForeignMeshRecord:
+    """A mesh of a folder that another program filled."""
+
+    model_path: str
+    source: str
+    """fused.ply, depth maps or sparse points"""
+    num_points: int
+    mesh: MeshRecord
 
 
 @dataclass(frozen=True, kw_only=True)

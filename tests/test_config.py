@@ -44,3 +44,12 @@ def test_every_option_is_documented_and_has_a_default():
             for option in fields(default):
                 after = source.split(f"\n    {option.name}:", 1)[1]
                 assert '"""' in after.split("\n    def ")[0], option.name
+
+
+def test_a_value_of_an_older_version_is_read_under_its_name_of_now(tmp_path):
+    file = tmp_path / "old.toml"
+    file.write_text('[surface]\nmethod = "ball_pivoting"\n')
+    assert read_config(file).surface.method == "ball-pivoting"
+    file.write_text('[surface]\nmethod = "ball_rolling"\n')
+    with pytest.raises(UsageError, match="ball-pivoting"):
+        read_config(file)

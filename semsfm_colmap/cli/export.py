@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -19,6 +19,7 @@ Format = Annotated[
     str,
     tyro.conf.arg(
         constructor=tyro.extras.literal_type_from_choices(FORMATS),
+        aliases=["--format"],
         help="; ".join(f"{name}: {entry.description}" for name, entry in FORMATS.items()),
     ),
 ]
@@ -55,11 +56,14 @@ def main(arguments: Sequence[str]) -> None:
         reporter.warn(note)
 
 
-def sentence(target: Path, summary: dict[str, float]) -> str:
+def sentence(target: Path, summary: dict[str, Any]) -> str:
     """What was written, in a line."""
     text = f"{target}: {summary['num_images']} images, {summary['num_points']} points"
     if "num_depth_maps" in summary:
         text += f", {summary['num_depth_maps']} depth maps"
+    if "size_mm" in summary:
+        size = " x ".join(f"{length:.3g}" for length in summary["size_mm"])
+        text = f"{target}: {summary['num_faces']} faces, {size} mm"
     if "focal_length_px" in summary:
         text += (
             f"; f = {summary['focal_length_px']:.3g} px, {summary['focal_factor']:.0f} image sides"

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semsfm_colmap.errors import UsageError
+from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import write_bytes
 from semsfm_colmap.types import Array, Float
 
@@ -36,6 +36,34 @@ def write_map(path: Path, values: Array) -> None:
     height, width, channels = stack.shape
     head = f"{width}&{height}&{channels}&".encode("ascii")
     write_bytes(head + np.ascontiguousarray(stack.transpose(2, 0, 1)).tobytes(), path)
+
+
+def read_map(path: Path) -> Array:
+    """Read a map: (H, W) float32 for one channel, (H, W, C) for more.
+
+    Raises
+    ------
+    InputError
+        The file is missing, has another head, or is cut short.
+
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}).") from error
+    parts = data[:64].split(b"&", 3)
+    if len(parts) < 4 or not all(part.isdigit() for part in parts[:3]):
+        raise InputError(f"{path} is no depth or normal map of COLMAP: its head is missing.")
+    width, height, channels = (int(part) for part in parts[:3])
+    start = sum(len(part) + 1 for part in parts[:3])
+    count = width * height * channels
+    if count == 0 or len(data) - start != 4 * count:
+        raise InputError(
+            f"{path} is cut short: its head says {width} x {height} x {channels}, but "
+            f"{len(data) - start} bytes follow; make it again."
+        )
+    stack = np.frombuffer(data, dtype="<f4", offset=start).reshape(channels, height, width)
+    return np.array(stack[0] if channels == 1 else stack.transpose(1, 2, 0))
 
 
 def pinhole_depth(

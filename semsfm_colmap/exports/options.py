@@ -29,6 +29,9 @@ class FormatOptions:
     """Depths that COLMAP's stereo fusion takes for the same surface (colmap-dense)."""
     min_fusion_pixels: int = 3
     """Depth pixels that stereo fusion joins at least to a point (colmap-dense)."""
+    scale_factor: float = 1000.0
+    """Size of the print over that of the specimen, 1000: a millimetre for a micrometre; in a world
+    of pixels, millimetres for each 1000 px (stl, 3mf)."""
     num_source_images: int = 10
     """Source images of each reference in patch-match.cfg (colmap-dense)."""
     max_source_angle_deg: float = 30.0

@@ -27,11 +27,14 @@ class Format:
     name_rule: NameRule = ANY_NAME
     copies_images: bool = True
     """Whether the images are part of the export"""
+    module_name: str = ""
+    """Of the module, where it is not the format's name with underscores"""
 
     @property
     def module(self) -> str:
-        """The name with underscores."""
-        return f"semsfm_colmap.exports.formats.{self.name.replace('-', '_')}"
+        """The module that writes it."""
+        name = self.module_name or self.name.replace("-", "_")
+        return f"semsfm_colmap.exports.formats.{name}"
 
     def writer(self) -> Writer:
         """The function that fills a folder; its module is imported now."""
@@ -49,6 +52,13 @@ _ALL = (
     Format("bundler", "bundle.out and bundle.list.txt", NO_SPACES, copies_images=False),
     Format("nvm", "VisualSFM's model.nvm", NO_SPACES, copies_images=False),
     Format("ply", "points with normals and sigma", copies_images=False),
+    Format("stl", "the mesh in millimetres, for printing", copies_images=False),
+    Format(
+        "3mf",
+        "the mesh in millimetres with its unit, for printing",
+        copies_images=False,
+        module_name="threemf",
+    ),
     Format("nerfstudio", "transforms.json, images/ and sparse_pc.ply"),
     Format("nfh-sem", "orthographic cameras, depth and normals as npz"),
 )

@@ -44,6 +44,8 @@ class ExportScene:
     """The project's database"""
     depth_map_path: Path | None = None
     """Folder of the project's depth maps"""
+    mesh_path: Path | None = None
+    """The project's mesh.ply"""
 
     @property
     def size_px(self) -> int:
@@ -102,6 +104,7 @@ def read_scene(
     mask_path: Path | None = None,
     database_path: Path | None = None,
     depth_map_path: Path | None = None,
+    mesh_path: Path | None = None,
 ) -> ExportScene:
     """Read a model that has its sidecar, and remember where what belongs to it lies."""
     reconstruction = read_model(model_path)
@@ -118,4 +121,5 @@ def read_scene(
         mask_path=mask_path,
         database_path=database_path,
         depth_map_path=depth_map_path,
+        mesh_path=mesh_path,
     )

@@ -48,6 +48,24 @@ def mean_viewing_direction(reconstruction: Reconstruction) -> Float:
     return _unit(np.asarray(total, dtype=np.float64))
 
 
+def mean_direction_from(centres: Float, points: Float, image_idx: Int, point_idx: Int) -> Float:
+    """Unit mean of the directions from the camera centres to each point that they see.
+
+    Parameters
+    ----------
+    centres, points : (M, 3), (N, 3)
+    image_idx, point_idx : (O,), (O,) who sees what
+
+    Returns
+    -------
+    (N, 3), zero for points that nobody sees
+
+    """
+    ray = _unit(points[point_idx] - centres[image_idx])
+    total = [np.bincount(point_idx, weights=ray[:, k], minlength=len(points)) for k in range(3)]
+    return _unit(np.stack(total, axis=1))
+
+
 def estimate_normals(points: Float, viewing_direction: Float, num_neighbors: int = 24) -> Float:
     """Unit normals on the viewer's side of the local planes.
 

@@ -50,7 +50,8 @@ def export_project(
         options,
         mask_path=project.masks_or_none,
         database_path=project.database,
-        # the depth maps are those of the first model
+        # depth maps and mesh are those of the first model
         depth_map_path=project.dense / "depth_maps" if model == 0 else None,
+        mesh_path=project.mesh / "mesh.ply" if model == 0 else None,
     )
     return export_scene(scene, format_name, target, options)

@@ -14,10 +14,13 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.normals import sampling_distance
+from semsfm_colmap.records import MeshRecord
+from semsfm_colmap.surface.depth_view import DepthView
 from semsfm_colmap.surface.fusion.cloud import sparse_cloud
 from semsfm_colmap.surface.fusion.fuse import fuse
-from semsfm_colmap.surface.mesh.ball_pivoting import mesh_cloud
+from semsfm_colmap.surface.mesh.from_cloud import mesh_cloud
 from semsfm_colmap.surface.mesh.halfedges import component_labels, num_boundary_edges
+from semsfm_colmap.surface.mesh.measure import measure
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import (
     DepthMap,
@@ -99,13 +102,15 @@ def coverage(fused: PointCloud, sparse: PointCloud) -> float:
     return float(np.mean(distance <= _COVERED_WITHIN * sampling_distance(fused.points)))
 
 
-def mesh(cloud: PointCloud, options: SurfaceOptions) -> Solution[TriangleMesh]:
+def mesh(
+    cloud: PointCloud, options: SurfaceOptions, views: Sequence[DepthView] = ()
+) -> Solution[TriangleMesh]:
     """Mesh a cloud; a cloud that gives no surface is a failed solution, not an error.
 
     ``diagnostics`` counts vertices, faces, connected pieces and boundary edges.
     """
     try:
-        surface = mesh_cloud(cloud, options)
+        surface = mesh_cloud(cloud, options, views)
     except InputError as error:
         return Solution(value=None, status="no surface", message=str(error))
     return Solution(
@@ -117,3 +122,50 @@ def mesh(cloud: PointCloud, options: SurfaceOptions) -> Solution[TriangleMesh]:
             "num_boundary_edges": num_boundary_edges(surface.faces),
         },
     )
+
+
+def mesh_record(surface: TriangleMesh, method: str, notes: tuple[str, ...] = ()) -> MeshRecord:
+    """What is noted of a mesh: its size, its soundness, area, volume and those of its hull."""
+    size = measure(surface)
+    extent = surface.vertices.max(axis=0) - surface.vertices.min(axis=0)
+    return MeshRecord(
+        num_vertices=len(surface.vertices),
+        num_faces=len(surface.faces),
+        extent=tuple(extent.tolist()),
+        method=method,
+        num_components=int(component_labels(surface.faces).max()) + 1,
+        num_boundary_edges=num_boundary_edges(surface.faces),
+        area=size.area,
+        volume=size.volume,
+        hull_area=size.hull_area,
+        hull_volume=size.hull_volume,
+        notes=notes,
+    )
+
+
+def mesh_lines(record: MeshRecord, unit: str = "") -> list[str]:
+    """What is said of a mesh when it is done.
+
+    Parameters
+    ----------
+    unit : of the world, empty where nothing is known of it
+
+    """
+    space = f" {unit}" if unit else ""
+    closed = (
+        "closed" if record.num_boundary_edges == 0 else f"{record.num_boundary_edges} open edges"
+    )
+    pieces = "1 piece" if record.num_components == 1 else f"{record.num_components} pieces"
+    lines = [
+        f"mesh: {record.num_vertices} vertices, {record.num_faces} faces, {pieces}, {closed} "
+        f"({record.method})"
+    ]
+    sizes = [f"area {record.area:.4g}{space and space + '^2'}"]
+    if record.volume is not None:
+        sizes.append(f"volume {record.volume:.4g}{space and space + '^3'}")
+    if record.hull_volume is not None:
+        sizes.append(
+            f"convex hull: volume {record.hull_volume:.4g}{space and space + '^3'}, "
+            f"area {record.hull_area:.4g}{space and space + '^2'}"
+        )
+    return [*lines, ", ".join(sizes)]

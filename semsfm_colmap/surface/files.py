@@ -16,8 +16,9 @@ from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.io.atomic import file_aside, write_bytes, write_text
 from semsfm_colmap.io.ply import write_ply_file
+from semsfm_colmap.surface.depth_view import DepthView, LazyViews, parallel_view
 from semsfm_colmap.surface.half_series import HalfDifference
-from semsfm_colmap.types import Array, DepthMap, TriangleMesh
+from semsfm_colmap.types import Array, DepthMap, Reconstruction, TriangleMesh
 
 
 def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -> tuple[Path, Path]:
@@ -119,6 +120,22 @@ def read_depth_map(folder: Path | str, image_name: str) -> DepthMap:
         confidence=None if confidence is None else confidence.astype(np.float32) / 255.0,
         sigma=None if sigma is None else sigma.astype(np.float32),
     )
+
+
+def project_views(reconstruction: Reconstruction, folder: Path | str) -> LazyViews:
+    """The depth maps of a project with their cameras, each read when it is asked for."""
+    rows = [
+        i
+        for i, name in enumerate(reconstruction.image_names)
+        if depth_map_path(folder, name).is_file()
+    ]
+
+    def view(k: int) -> DepthView:
+        i = rows[k]
+        depth_map = read_depth_map(folder, reconstruction.image_names[i])
+        return parallel_view(reconstruction.cameras, i, reconstruction.image_size_px[i], depth_map)
+
+    return LazyViews(view, len(rows))
 
 
 def _unshare(mesh: TriangleMesh) -> tuple[Array, Array, Array, Array]:

@@ -80,8 +80,14 @@ class SurfaceOptions:
     compare them: dense/half_series.ply. Takes the time of the depth maps once more."""
 
     # mesh
-    method: Literal["ball_pivoting", "poisson"] = "ball_pivoting"
-    """Ball pivoting keeps to the points and leaves open what was not seen; Poisson closes it."""
+    method: Literal["ball-pivoting", "poisson", "tsdf", "delaunay-2.5d", "convex-hull"] = (
+        "ball-pivoting"
+    )
+    """ball-pivoting keeps to the points and leaves open what was not seen; poisson fits a smooth
+    surface; tsdf joins depth maps on a grid; delaunay-2.5d is a height field over the mean viewing
+    direction; convex-hull the smallest convex body."""
+    watertight: bool = False
+    """Close every hole, however large: a body that can be printed, with surface that nobody saw."""
     ball_radius_factors: tuple[float, ...] = (1.0, 2.0, 4.0)
     """Ball radii in units of the median distance to the 8th neighbour."""
     thinning_factor: float = 0.6
@@ -92,6 +98,12 @@ class SurfaceOptions:
     """Pieces with fewer faces than this share of the largest piece are dropped."""
     max_hole_edges: int = 30
     """Holes with at most this many boundary edges are filled; 0 leaves all open."""
+    max_edge_factor: float = 3.0
+    """delaunay-2.5d leaves out triangles with longer edges, in units of that median distance."""
+    tsdf_voxel_factor: float = 0.7
+    """Edge of tsdf's voxels in the same unit."""
+    tsdf_truncation_voxels: float = 3.0
+    """Distances beyond so many voxels do not count in tsdf."""
     poisson_depth: int = 9
     """Octree depth of the Poisson surface: 8 coarse, 10 fine."""
     poisson_trim_quantile: float = 0.02

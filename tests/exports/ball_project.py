@@ -16,13 +16,17 @@ from semsfm_colmap.io.ply import write_ply
 from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import bundle_adjust
 from semsfm_colmap.surface.files import write_depth_map
+from semsfm_colmap.surface.mesh.from_cloud import mesh_cloud
+from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import DepthSign, PointCloud, Reconstruction
 from tests.colmap.databases import Content, write_4x, write_38
 from tests.surface.scene import (
     HEIGHT,
+    RADIUS,
     SCALE,
     WIDTH,
     ball_depth_maps,
+    ball_points,
     ball_reconstruction,
     picture,
     turning_cameras,
@@ -109,6 +113,9 @@ def write_project(path: Path, *, special: bool) -> Path:
         scaled = replace(depth_map, depth=(depth_map.depth * UNIT).astype(np.float32))
         write_depth_map(path / "dense" / "depth_maps", scaled)
     write_ply(path / "dense" / "fused.ply", PointCloud(points=made.points))
+    around = ball_points(1500)
+    cloud = PointCloud(points=around * UNIT, normals=around / RADIUS)
+    write_ply(path / "mesh" / "mesh.ply", mesh_cloud(cloud, SurfaceOptions()))
     write_4x(path / "database.db", database_content(made))
     return path
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from semsfm_colmap.colmap.database.reader import read_database
 from semsfm_colmap.colmap.database.work import read_images
@@ -330,16 +331,35 @@ class TestNfhSem(ExportContract):
         assert cosine[inner].min() > 0.98
 
 
-class TestPly(ExportContract):
-    name = "ply"
-
+class WithoutImages(ExportContract):
     def names(self, folder: Path) -> set[str]:
-        """A cloud has no images: those that it was made from stand in names.csv."""
+        """Points and triangles have no images: those they were made from stand in names.csv."""
         path = folder / "names.csv"
         if not path.is_file():
             return set(SPECIAL_NAMES)
         with path.open(encoding="utf-8", newline="") as file:
             return {row["export"] for row in csv.DictReader(file)}
+
+
+class TestStl(WithoutImages):
+    name = "stl"
+
+    def test_its_cameras_see_what_the_orthographic_ones_see(self, plain_project, exported):
+        """No cameras: the triangles are those of the mesh, a thousand times as large."""
+        mesh = trimesh.load(exported[0] / f"mesh.{self.name}", force="mesh")
+        own = trimesh.load(plain_project / "mesh/mesh.ply", force="mesh")
+        assert len(mesh.faces) == len(own.faces)
+        # micrometres as millimetres
+        np.testing.assert_allclose(mesh.extents, own.extents, rtol=1e-5)
+        assert mesh.area == pytest.approx(own.area, rel=1e-4)
+
+
+class TestThreeMf(TestStl):
+    name = "3mf"
+
+
+class TestPly(WithoutImages):
+    name = "ply"
 
     def test_its_cameras_see_what_the_orthographic_ones_see(self, plain_project, exported):
         """No cameras: the points are those of the model, with outward normals and their sigma."""

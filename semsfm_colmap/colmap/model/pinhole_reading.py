@@ -169,6 +169,11 @@ def _cameras(
     R, s, t, focal = [], [], [], []
     for image in images:
         camera = model.cameras[image.camera_id]
+        if not camera.is_perspective():
+            raise InputError(
+                f"{path} is not a model of parallel projection: {image.name} has the camera model "
+                f"{camera.model_name}"
+            )
         pose = rows[image.name].cam_from_world
         x = pose[:, :3] @ reference + pose[:, 3]
         fx, fy = float(camera.focal_length_x), float(camera.focal_length_y)

@@ -16,6 +16,7 @@ from semsfm_colmap.segmentation.options import ALL
 
 if TYPE_CHECKING:
     from semsfm_colmap.config import Config
+    from semsfm_colmap.surface.depth_view import DepthView
 
 
 def run(on: StageRun) -> MeshRecord:
@@ -23,39 +24,37 @@ def run(on: StageRun) -> MeshRecord:
     from semsfm_colmap.io.ply import read_ply_cloud, write_ply
     from semsfm_colmap.segmentation.files import select_part
     from semsfm_colmap.surface import build
-    from semsfm_colmap.surface.files import write_textured
+    from semsfm_colmap.surface.files import project_views, write_textured
     from semsfm_colmap.surface.mesh.vertex_sigma import with_vertex_sigma
     from semsfm_colmap.surface.texture.atlas import texture_mesh
 
     project, options = on.project, on.config.surface
     cloud = read_ply_cloud(project.dense / "fused.ply")
+    model = project.read_main_model()
+    views: Sequence[DepthView] = project_views(model, project.dense / "depth_maps")
     part = on.config.segmentation.part
     if part != ALL:
-        cloud = select_part(cloud, project.segments, part)
-    solution = build.mesh(cloud, options)
+        # depth maps show all parts
+        cloud, views = select_part(cloud, project.segments, part), ()
+    solution = build.mesh(cloud, options, views)
     if solution.value is None or len(solution.value.faces) == 0:
         raise InputError(
-            f"no surface could be made from the {len(cloud.points)} points: they are too few or "
-            "too scattered; see the report for the images that match badly"
+            f"no surface could be made from the {len(cloud.points)} points: {solution.message}"
         )
     surface = with_vertex_sigma(solution.value, cloud)
     project.mesh.mkdir(exist_ok=True)
     write_ply(project.mesh / "mesh.ply", surface)
-    on.reporter.say(f"mesh: {len(surface.vertices)} vertices, {len(surface.faces)} faces")
     notes: tuple[str, ...] = ()
     try:
-        textured = texture_mesh(surface, project.read_main_model(), project.images, options)
+        textured = texture_mesh(surface, model, project.images, options)
         write_textured(textured, project.mesh)
     except (ImportError, MissingDependencyError) as error:
         notes = (f"the mesh was not textured: {error}",)
         on.reporter.warn(notes[0])
-    extent = surface.vertices.max(axis=0) - surface.vertices.min(axis=0)
-    return MeshRecord(
-        num_vertices=len(surface.vertices),
-        num_faces=len(surface.faces),
-        extent=tuple(extent.tolist()),
-        notes=notes,
-    )
+    record = build.mesh_record(surface, options.method, notes)
+    for line in build.mesh_lines(record, model.world_unit):
+        on.reporter.say(line)
+    return record
 
 
 def labels(project: Project, config: Config) -> Sequence[Path]:

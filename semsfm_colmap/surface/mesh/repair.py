@@ -18,6 +18,9 @@ from semsfm_colmap.surface.mesh.halfedges import (
 from semsfm_colmap.surface.mesh.holes import fill_holes
 from semsfm_colmap.types import Array, Float, Int
 
+MIN_HEIGHT = 1e-5
+"""A triangle lower than this share of its longest edge has no direction: float32 holds 1e-7."""
+
 
 def repair(
     vertices: Float,
@@ -26,6 +29,7 @@ def repair(
     cloud_normals: Float,
     min_component_fraction: float,
     max_hole_edges: int,
+    oriented: bool = False,
 ) -> Int:
     """Clean faces over the same vertices: oriented, edge-manifold, without crumbs and small holes.
 
@@ -36,23 +40,26 @@ def repair(
     cloud_normals : (V, 3) that point outside
     min_component_fraction : of the faces of the largest component
     max_hole_edges : holes with longer boundaries stay open
+    oriented : the faces are turned outside already, and stay as they are
 
     """
     faces = drop_degenerate(vertices, faces)
-    faces = face_outside(vertices, faces, cloud_normals)
+    if not oriented:
+        faces = face_outside(vertices, faces, cloud_normals)
     faces = drop_branches(vertices, faces)
     faces = drop_fins(faces)
     faces = drop_small_components(faces, min_component_fraction)
     if max_hole_edges > 0:
         faces = fill_holes(vertices, faces, cloud_normals, max_hole_edges)
-    return faces
+    return drop_degenerate(vertices, faces)
 
 
 def drop_degenerate(vertices: Float, faces: Int) -> Int:
-    """Without faces that repeat a vertex or another face, or have no area."""
+    """Without faces that repeat a vertex or another face, or are needles without a height."""
     a, b, c = faces.T
     keep = (a != b) & (b != c) & (c != a)
-    keep &= np.linalg.norm(face_normals(vertices, faces), axis=1) > 0
+    double_area = np.linalg.norm(face_normals(vertices, faces), axis=1)
+    keep &= double_area > MIN_HEIGHT * _longest_edge(vertices, faces) ** 2
     faces = faces[keep]
     _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
     return np.asarray(faces[np.sort(first)])

@@ -9,7 +9,7 @@ import pytest
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.mesh_normals import face_normals
-from semsfm_colmap.surface.mesh.ball_pivoting import mesh_cloud
+from semsfm_colmap.surface.mesh.from_cloud import mesh_cloud
 from semsfm_colmap.surface.mesh.halfedges import (
     component_labels,
     num_boundary_edges,
@@ -19,8 +19,8 @@ from semsfm_colmap.types import PointCloud, TriangleMesh
 from tests.oracles.surface import is_edge_manifold
 from tests.surface.scene import RADIUS, ball_points
 
-Method = Literal["ball_pivoting", "poisson"]
-BOTH = pytest.mark.parametrize("method", ["ball_pivoting", "poisson"])
+Method = Literal["ball-pivoting", "poisson"]
+BOTH = pytest.mark.parametrize("method", ["ball-pivoting", "poisson"])
 
 
 def noisy_ball(num: int = 4000, unit: float = 1.0, *, half: bool = False) -> PointCloud:
@@ -63,7 +63,7 @@ def test_what_was_not_seen_stays_open(method: Method) -> None:
     mesh = mesh_cloud(noisy_ball(half=True), options(method))
     assert_sound(mesh)
     # the points end at 0.2 radii; Poisson may go on for three spacings
-    assert mesh.vertices[:, 2].max() < (0.25 if method == "ball_pivoting" else 0.55) * RADIUS
+    assert mesh.vertices[:, 2].max() < (0.25 if method == "ball-pivoting" else 0.55) * RADIUS
     assert num_boundary_edges(mesh.faces) > 20
 
 

@@ -1,0 +1,1 @@
+"""Meshers: one module a method, a registry, and what every one of them is handed."""

@@ -1,0 +1,5 @@
+from tests.surface.mesh.methods.contract import MesherContract
+
+
+class TestTsdf(MesherContract):
+    method = "tsdf"
