@@ -41,13 +41,13 @@ def run(on: StageRun) -> MeshRecord:
     project.mesh.mkdir(exist_ok=True)
     write_ply(project.mesh / "mesh.ply", surface)
     on.reporter.say(f"mesh: {len(surface.vertices)} vertices, {len(surface.faces)} faces")
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = () if part == ALL else (f"the mesh is of the part {part} alone",)
     try:
         textured = texture_mesh(surface, project.read_main_model(), project.images, options)
         write_textured(textured, project.mesh)
     except (ImportError, MissingDependencyError) as error:
-        notes = (f"the mesh was not textured: {error}",)
-        on.reporter.warn(notes[0])
+        notes += (f"the mesh was not textured: {error}",)
+        on.reporter.warn(notes[-1])
     extent = surface.vertices.max(axis=0) - surface.vertices.min(axis=0)
     return MeshRecord(
         num_vertices=len(surface.vertices),
