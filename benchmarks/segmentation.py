@@ -2,9 +2,10 @@
 
     python -m benchmarks.segmentation --simulated 5 --project PROJECT:TRUTH ...
 
-A project, after densify and mesh, with the folder of its truth: each triangle of its mesh has the
-true label of the nearest triangle of the true surface. Series of `semsfm synthesize` bring their
-labels; for the older ones without, the ribbon and the stalk are found by their shape (`by_shape`).
+A project with the folder of its truth, after densify and mesh: each triangle of its mesh, or each
+point of its cloud where it has none, has the true label of the nearest triangle of the truth.
+Series of `semsfm synthesize` bring their labels; for the older ones without, the ribbon and the
+stalk are found by their shape (`by_shape`).
 `--simulated N`: the clouds that a perfect stereo would see of N seeds of each rendered scene
 (`semsfm_colmap.synthetic.visible_cloud`), and of the same scenes with the holder taken away.
 """
@@ -35,7 +36,7 @@ from semsfm_colmap.synthetic.options import SceneName, SynthesizeOptions
 from semsfm_colmap.synthetic.visible_cloud import VisibleCloud, visible_cloud
 from semsfm_colmap.types import Bool, Float, Int, OrthographicCameras, PointCloud
 
-HEAD = ("series", "found", "triangles", "of the holder found", "of the specimen taken")
+HEAD = ("series", "found", "judged", "true holder", "of the holder found", "of the specimen taken")
 CLOUD_HEAD = (
     "scene",
     "seeds",
@@ -144,19 +145,29 @@ def project_row(text: str) -> list[str]:
     project, truth_folder = Path(folder), Path(truth_text)
     model = read_model(project / "sparse" / "0")
     cloud = read_ply_cloud(project / "dense" / "fused.ply")
-    mesh = read_ply_mesh(project / "mesh" / "mesh.ply")
     found = propose(cloud, model.cameras, model.image_size_px, SegmentationOptions())
-    label = face_labels(nearest_labels(cloud.points, found.label, mesh.vertices), mesh.faces)
+    label, at, what = found.label, cloud.points, "points"
+    mesh_path = project / "mesh" / "mesh.ply"
+    if mesh_path.is_file():
+        mesh = read_ply_mesh(mesh_path)
+        label = face_labels(nearest_labels(cloud.points, label, mesh.vertices), mesh.faces)
+        at, what = mesh.vertices[mesh.faces].mean(axis=1), "triangles"
     vertices, faces, held = true_labels(truth_folder)
     world = true_from_estimated(model.image_names, model.cameras, truth_folder)
-    centre = world.apply(mesh.vertices[mesh.faces].mean(axis=1))
+    centre = world.apply(at)
     answer = ray_scene(vertices, faces).compute_closest_points(as_tensor(centre.astype(np.float32)))
     truth = held[answer["primitive_ids"].numpy().astype(np.int64)]
     share = held_fraction(label, truth)
     name = truth_folder.resolve().name
     if name == "series":
         name = truth_folder.resolve().parent.name
-    return [name, found.message, str(len(label)), *map(percent, share)]
+    return [
+        name,
+        found.message,
+        f"{len(label)} {what}",
+        str(int(truth.sum())),
+        *map(percent, share),
+    ]
 
 
 def true_from_estimated(

@@ -25,6 +25,7 @@ MODULES = (
     "geometry.alignment",
     "geometry.epipolar",
     "geometry.rotations",
+    "segmentation.transfer",
     "synthetic.series",
     "types",
 )

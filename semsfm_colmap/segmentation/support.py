@@ -121,9 +121,9 @@ def find_support(
         if stop == neck:
             break
     r = _radius(s, across, axis)
-    if neck > last or neck * step < MIN_LENGTH_RADII * limit:
-        return None
     at = end - neck * step
+    if neck > last or float(np.percentile(s[touches], 98)) - at < MIN_LENGTH_RADII * limit:
+        return None
     radial = (across - axis[:2] - s[:, None] * axis[2:4]) / np.maximum(r, 1e-300)[:, None]
     held = (s > at) & (r <= limit)
     return Support(

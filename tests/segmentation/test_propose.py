@@ -60,6 +60,13 @@ def test_a_specimen_that_nothing_holds_stays_whole(shape):
     assert found.message
 
 
+@pytest.mark.parametrize("offset", [0.8, 1.2, 1.6, 2.0, 2.4])
+@pytest.mark.parametrize("radius", [1.2, 1.8])
+def test_the_cap_of_a_ball_that_the_frame_cuts_is_no_stalk(radius, offset):
+    found = proposed(shapes.free_ball(radius=radius, offset=np.array([0.0, offset, 0.0])))
+    assert np.all(found.label == SPECIMEN)
+
+
 def test_a_plate_alone_stays_whole():
     rng = np.random.default_rng(0)
     cameras = shapes.cameras_about("x", np.linspace(-6.0, 6.0, 5))

@@ -44,13 +44,13 @@ def run(on: StageRun) -> MeshRecord:
     surface = with_vertex_sigma(solution.value, cloud)
     project.mesh.mkdir(exist_ok=True)
     write_ply(project.mesh / "mesh.ply", surface)
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = () if part == ALL else (f"the mesh is of the part {part} alone",)
     try:
         textured = texture_mesh(surface, model, project.images, options)
         write_textured(textured, project.mesh)
     except (ImportError, MissingDependencyError) as error:
-        notes = (f"the mesh was not textured: {error}",)
-        on.reporter.warn(notes[0])
+        notes += (f"the mesh was not textured: {error}",)
+        on.reporter.warn(notes[-1])
     record = build.mesh_record(surface, options.method, notes)
     for line in build.mesh_lines(record, model.world_unit):
         on.reporter.say(line)
