@@ -3,7 +3,8 @@
 Every series is rendered, mapped, densified and meshed without options. The mesh is aligned to the
 truth by the cameras alone; the error of a vertex is its signed distance to the true surface. Given
 are robust scales of error / sigma: 1.4826 times the median of its absolute value, and the value
-that 68.3 % of the vertices stay below; both are 1 for a Gaussian error of that sigma.
+that 68.3 % of the vertices stay below; both are 1 for a Gaussian error of that sigma. In the tenths
+of the vertices with the smallest and the largest sigmas the error is the former scale of it.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ COMMAND = "surface_sigma"
 STAGES = ("ingest", "extract", "match", "map", "densify", "mesh")
 TO_SIGMA = 1.4826
 ONE_SIGMA = 0.6827
+TENTH = 0.1
+"""Vertices that are compared with those at the other end of the sigmas."""
 LEAST_SHARE = 0.002
 """An octave with a smaller share of the vertices is not a row of its own."""
 CHOSEN = {
@@ -44,8 +47,9 @@ CHOSEN = {
 }  # fmt: skip
 """The series that the constants of `surface/fusion/error_bars.py` were fitted to."""
 HEAD = (
-    "series", "vertices", "error px: median", "abs median", "95 %", "sigma px: 5 %", "median",
-    "95 %", "scale of error / sigma", "68 %", "cloud: scale", "NCC",
+    "series", "vertices", "error px: median", "abs median", "95 %", "sigma px",
+    "least sure tenth: sigma, error", "surest tenth: sigma, error",
+    "scale of error / sigma", "68 %", "cloud: scale", "NCC",
 )  # fmt: skip
 
 
@@ -109,17 +113,20 @@ def row(name: str, d: dict[str, Any]) -> list[str]:
     error, sigma = d["error"], d["sigma"]
     median, p68 = scales(error, sigma)
     cloud, _ = scales(d["cloud_error"], d["cloud_sigma"])
-    low, middle, high = np.quantile(sigma, [0.05, 0.5, 0.95])
     size = np.abs(error)
+    low, high = np.quantile(sigma, [TENTH, 1.0 - TENTH])
+    tenths = [
+        f"{np.median(sigma[some]):.2f}, {TO_SIGMA * np.median(size[some]):.2f}"
+        for some in (sigma >= high, sigma <= low)
+    ]
     return [
         name,
         f"{len(error)}",
         f"{np.median(error):+.2f}",
         f"{np.median(size):.2f}",
         f"{np.quantile(size, 0.95):.2f}",
-        f"{low:.2f}",
-        f"{middle:.2f}",
-        f"{high:.2f}",
+        f"{np.median(sigma):.2f}",
+        *tenths,
         f"{median:.2f}",
         f"{p68:.2f}",
         f"{cloud:.2f}",
