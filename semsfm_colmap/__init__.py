@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         reconstruct_from_database as reconstruct_from_database,
     )
     from semsfm_colmap.pipeline.foreign.map_database import map_database as map_database
+    from semsfm_colmap.pipeline.foreign.mesh_colmap import mesh_colmap as mesh_colmap
     from semsfm_colmap.pipeline.runner import reconstruct as reconstruct
     from semsfm_colmap.pipeline.runner import run_stages as run_stages
     from semsfm_colmap.synthetic.options import SynthesizeOptions as SynthesizeOptions
@@ -52,6 +53,7 @@ _HOMES = {
     "load_truth": "evaluation.truth",
     "map_database": "pipeline.foreign.map_database",
     "map_observations": "mapping.parts",
+    "mesh_colmap": "pipeline.foreign.mesh_colmap",
     "read_config": "config",
     "read_model": "colmap.model.sparse",
     "read_pinhole_model": "colmap.model.pinhole_reading",

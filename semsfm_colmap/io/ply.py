@@ -1,7 +1,8 @@
 """PLY files: vertices with named properties, and triangles; clouds and meshes as such.
 
 Binary little-endian. Clouds and meshes have float32 positions, normals, ``red green blue`` and,
-where errors are known, ``sigma`` in world units: what open3d, MeshLab and CloudCompare read.
+where errors are known, ``sigma`` in world units: what open3d, MeshLab and CloudCompare read. Far
+from the origin, as in geographic coordinates, positions are float64.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ _TYPES = {
     "ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
+FAR = 30.0
+"""Distance from the origin, in extents of the cloud, beyond which positions are float64: float32
+holds 6e-8 of the distance, 2e-6 of the extent."""
 _NAMES = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}
 _FACE = np.dtype([("n", "u1"), ("v", "<i4", 3)])
 _POSITION, _NORMAL, _COLOR = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blue")
@@ -134,10 +138,20 @@ def read_ply_mesh(path: Path | str) -> TriangleMesh:
     )
 
 
+def position_type(points: Array) -> np.dtype[Any]:
+    """float32, or float64 for a cloud so far from the origin that float32 would blur it."""
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) == 0:
+        return np.dtype("<f4")
+    far, extent = np.abs(points).max(), np.ptp(points, axis=0).max()
+    return np.dtype("<f8" if far > FAR * max(float(extent), 1e-300) else "<f4")
+
+
 def _vertex_rows(
     points: Array, normals: Array | None, colors: Array | None, sigma: Array | None
 ) -> Array:
-    columns: list[tuple[Sequence[str], str, Array]] = [(_POSITION, "<f4", points)]
+    kind = position_type(points)
+    columns: list[tuple[Sequence[str], str, Array]] = [(_POSITION, kind.str, points)]
     if normals is not None:
         columns.append((_NORMAL, "<f4", normals))
     if colors is not None:

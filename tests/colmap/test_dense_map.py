@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semsfm_colmap.colmap.dense_map import pinhole_depth, write_map
+from semsfm_colmap.colmap.dense_map import pinhole_depth, read_map, write_map
 from semsfm_colmap.colmap.library import pycolmap
-from semsfm_colmap.errors import UsageError
+from semsfm_colmap.errors import InputError, UsageError
 from tests.exports.readers import read_colmap_map
 
 
@@ -91,3 +91,31 @@ def test_unknown_pixels_stay_unknown() -> None:
     assert depth.dtype == np.float32
     assert (depth == 0).sum() == 2
     assert depth[1, 2] == depth[0, 0] == 0
+
+
+@pytest.mark.parametrize("shape", [(3, 5), (4, 2, 3)])
+def test_a_map_is_read_as_it_was_written(shape, tmp_path):
+    values = np.random.default_rng(0).normal(size=shape).astype(np.float32)
+    write_map(tmp_path / "m.bin", values)
+    np.testing.assert_array_equal(read_map(tmp_path / "m.bin"), values)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "its head is missing"),
+        (b"5&4&1", "its head is missing"),
+        (b"a&4&1&" + bytes(80), "its head is missing"),
+        (b"5&4&1&" + bytes(79), "cut short"),
+        (b"0&4&1&", "cut short"),
+    ],
+)
+def test_a_file_that_is_no_map_is_one_sentence(content, words, tmp_path):
+    (tmp_path / "m.bin").write_bytes(content)
+    with pytest.raises(InputError, match=words):
+        read_map(tmp_path / "m.bin")
+
+
+def test_a_map_that_is_not_there_is_one_sentence(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        read_map(tmp_path / "m.bin")

@@ -7,6 +7,7 @@ import pytest
 
 from semsfm_colmap.geometry.normals import (
     estimate_normals,
+    mean_direction_from,
     mean_viewing_direction,
     nearest_neighbors,
     orient_normals,
@@ -89,3 +90,12 @@ def test_stray_points_are_found_whatever_the_unit() -> None:
 
 def test_a_handful_of_points_has_no_stray_ones() -> None:
     assert statistical_inliers(np.eye(3), 16, 2.0).all()
+
+
+def test_the_mean_direction_is_that_of_the_rays_from_the_cameras() -> None:
+    centres = np.array([[0.0, 0, -5], [5, 0, 0]])
+    points = np.array([[0.0, 0, 0], [0, 0, 1], [3, 3, 3]])
+    direction = mean_direction_from(centres, points, np.array([0, 1, 0]), np.array([0, 0, 1]))
+    np.testing.assert_allclose(direction[0], [-np.sqrt(0.5), 0, np.sqrt(0.5)])
+    np.testing.assert_allclose(direction[1], [0, 0, 1])
+    np.testing.assert_array_equal(direction[2], 0)

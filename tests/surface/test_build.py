@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from semsfm_colmap.surface import build
 from semsfm_colmap.surface.build import coverage, fuse_depth_maps, mesh
 from semsfm_colmap.surface.fusion.fuse import fuse
 from semsfm_colmap.surface.options import SurfaceOptions
@@ -79,3 +80,39 @@ def test_a_cloud_without_a_surface_is_a_failed_solution() -> None:
     assert failed.value is None
     assert not failed.ok
     assert "too few for a mesh" in failed.message
+
+
+def test_a_mesh_is_noted_with_its_size_and_that_of_its_hull() -> None:
+    points = ball_points(4000)
+    cloud = PointCloud(points=points, normals=points / RADIUS)
+    closed = build.mesh(cloud, SurfaceOptions(watertight=True)).value
+    assert closed is not None
+    record = build.mesh_record(closed, "ball-pivoting")
+    volume, area = 4 / 3 * np.pi * RADIUS**3, 4 * np.pi * RADIUS**2
+    assert record.num_boundary_edges == 0
+    assert record.num_components == 1
+    for value, true in (
+        (record.volume, volume),
+        (record.hull_volume, volume),
+        (record.area, area),
+        (record.hull_area, area),
+    ):
+        assert value is not None
+        assert 0.97 * true < value < true
+    first, second = build.mesh_lines(record, "um")
+    assert "1 piece, closed (ball-pivoting)" in first
+    assert f"volume {record.volume:.4g} um^3, convex hull" in second
+
+
+def test_an_open_mesh_has_no_volume() -> None:
+    points = ball_points(3000)
+    points = points[points[:, 2] > 0]
+    surface = build.mesh(PointCloud(points=points, normals=points / RADIUS), SurfaceOptions()).value
+    assert surface is not None
+    record = build.mesh_record(surface, "ball-pivoting")
+    assert record.volume is None
+    assert record.num_boundary_edges is not None
+    assert record.num_boundary_edges > 10
+    said = " ".join(build.mesh_lines(record))
+    assert f"{record.num_boundary_edges} open edges" in said
+    assert "^" not in said

@@ -151,7 +151,9 @@ def _dense_folder(path: Path, model: Path) -> Path | None:
     """The dense workspace of a model: of several the one of the same number."""
     dense = list(_numbered(path / "dense"))
     same = [folder for folder in dense if folder.name == model.name]
-    parents = [folder for folder in (model.parent, model.parent.parent) if folder != path.parent]
+    # a model named by --sparse_path may lie in a workspace of its own
+    inside = model.resolve().is_relative_to(path.resolve())
+    parents = [] if inside else [model.parent, model.parent.parent]
     for folder in (path, path / "dense", *(same or dense), *parents):
         maps, fused = folder / "stereo" / "depth_maps", folder / "fused.ply"
         if (maps.is_dir() or fused.is_file()) and _belongs(folder, model):

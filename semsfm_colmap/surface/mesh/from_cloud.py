@@ -8,12 +8,14 @@ are multiples of b, the median distance to the 8th neighbour, so that they follo
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.geometry.normals import sampling_distance
+from semsfm_colmap.io.ply import position_type
 from semsfm_colmap.surface.depth_view import DepthView
 from semsfm_colmap.surface.fusion.cloud import MIN_CLOUD_POINTS, smooth_along_normals, thin
 from semsfm_colmap.surface.mesh.close import close_holes
@@ -33,7 +35,7 @@ def mesh_cloud(
     """Mesh an oriented cloud, with vertex colours and normals toward the viewers.
 
     The mesh is an oriented manifold, with a boundary unless `options.watertight`, and its vertices
-    are numbers that float32 holds: a file says exactly what was checked.
+    are numbers that a file holds: it says exactly what was checked.
 
     Parameters
     ----------
@@ -61,6 +63,11 @@ def mesh_cloud(
     spread = np.linalg.svd(cloud.points - cloud.points.mean(axis=0), compute_uv=False)
     if spread[1] <= MIN_WIDTH * spread[0]:
         raise InputError("No surface comes of the points: they lie on a line.")
+    if position_type(cloud.points).itemsize > 4 and not len(views):
+        # meshers that compute in float32 would blur the surface
+        centre = cloud.points.mean(axis=0)
+        near = mesh_cloud(replace(cloud, points=cloud.points - centre), options)
+        return replace(near, vertices=near.vertices + centre)
     if method.thins:
         cloud = thin(cloud, options.thinning_factor * b)
         cloud = smooth_along_normals(
@@ -102,8 +109,8 @@ def mesh_cloud(
 
 
 def as_stored(vertices: Float) -> Float:
-    """The nearest float32 numbers, which is what files hold."""
-    return vertices.astype(np.float32).astype(np.float64)
+    """The nearest numbers that a file holds, float32 unless the origin is far away."""
+    return np.asarray(vertices, dtype=position_type(vertices)).astype(np.float64)
 
 
 def _nearest_normals(cloud: PointCloud, vertices: Float) -> Float:

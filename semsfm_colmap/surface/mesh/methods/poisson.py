@@ -1,8 +1,8 @@
 """Screened Poisson reconstruction [Kazhdan, Hoppe, ACM TOG 32(3), 2013].
 
 The surface is where a function crosses a level whose gradient fits the normals. It is smooth, and
-it goes on where nothing was seen: vertices far from every point, and the least supported ones, are
-cut away, unless a closed surface is asked for.
+it goes on where nothing was seen, up to the border of its grid: vertices far from every point, and
+the least supported ones, are cut away, also where a closed surface is asked for.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _MAX_DISTANCE = 3.0
 
 
 def make_surface(task: MeshTask, options: SurfaceOptions) -> RawSurface:
-    """The trimmed surface; untrimmed for `options.watertight`."""
+    """The trimmed surface."""
     from scipy.spatial import cKDTree
 
     o3d = import_open3d()
@@ -29,12 +29,11 @@ def make_surface(task: MeshTask, options: SurfaceOptions) -> RawSurface:
     )
     vertices = np.array(mesh.vertices)
     faces = np.asarray(mesh.triangles).astype(np.int64)
-    if not options.watertight:
-        density = np.asarray(density)
-        distance, _ = cKDTree(task.cloud.points).query(vertices, workers=-1)
-        keep = distance <= _MAX_DISTANCE * task.spacing
-        keep &= density >= np.quantile(density, options.poisson_trim_quantile)
-        faces = faces[keep[faces].all(axis=1)]
+    density = np.asarray(density)
+    distance, _ = cKDTree(task.cloud.points).query(vertices, workers=-1)
+    keep = distance <= _MAX_DISTANCE * task.spacing
+    keep &= density >= np.quantile(density, options.poisson_trim_quantile)
+    faces = faces[keep[faces].all(axis=1)]
     colors = None
     if task.cloud.colors is not None:
         colors = np.clip(np.rint(np.asarray(mesh.vertex_colors) * 255), 0, 255).astype(np.uint8)

@@ -10,6 +10,7 @@ import pytest
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.mesh_normals import face_normals
+from semsfm_colmap.io.ply import read_ply_mesh
 from semsfm_colmap.surface.mesh.from_cloud import mesh_cloud
 from semsfm_colmap.surface.mesh.methods.registry import METHODS
 from semsfm_colmap.surface.options import SurfaceOptions
@@ -144,3 +145,15 @@ class MesherContract:
     def test_watertight_is_watertight(self, tmp_path: Path) -> None:
         mesh = self.mesh(cap(), watertight=True)
         assert_sound(mesh, tmp_path, watertight=True)
+
+    def test_far_from_the_origin_the_mesh_is_the_same(self, tmp_path: Path) -> None:
+        cloud = cap(2000)
+        place = np.array([4.5e5, 5.2e6, 800.0])  # metres, as maps count them
+        far = self.mesh(PointCloud(points=cloud.points + place, normals=cloud.normals))
+        mesh = self.mesh(PointCloud(points=cloud.points, normals=cloud.normals))
+        assert len(far.faces) == pytest.approx(len(mesh.faces), rel=0.01)
+        extent = np.ptp(mesh.vertices, axis=0)
+        np.testing.assert_allclose(np.ptp(far.vertices, axis=0), extent, rtol=0.02)
+        assert_sound(far, tmp_path)
+        stored = read_ply_mesh(tmp_path / "sound.ply")
+        np.testing.assert_array_equal(stored.vertices, far.vertices)
