@@ -366,6 +366,8 @@ class TriangleMesh(_Frozen):
     vertex_normals: Float | None = None
     vertex_colors: Array | None = None
     """(V, 3) uint8"""
+    face_filled: Bool | None = None
+    """(F,) True where a face closes a hole: nobody saw what it shows"""
     uv: Float | None = None
     """(F, 3, 2) texture coordinates, origin bottom left"""
     texture: Array | None = None

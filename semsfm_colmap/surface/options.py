@@ -88,8 +88,11 @@ class SurfaceOptions:
     """Passes that move points along their normals onto the local surface; 0 keeps the noise."""
     min_component_fraction: float = 0.005
     """Pieces with fewer faces than this share of the largest piece are dropped."""
+    fill_holes: Literal["none", "small", "all"] = "small"
+    """Which holes are closed: small ones continue the surface, all makes a closed body. The faces
+    that do so have the property `filled` in mesh.ply: nobody saw what they show."""
     max_hole_edges: int = 30
-    """Holes with at most this many boundary edges are filled; 0 leaves all open."""
+    """Holes with at most this many boundary edges are small."""
     poisson_depth: int = 9
     """Octree depth of the Poisson surface: 8 coarse, 10 fine."""
     poisson_trim_quantile: float = 0.02

@@ -18,6 +18,7 @@ from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.geometry.normals import sampling_distance
 from semsfm_colmap.io.open3d_library import import_open3d
 from semsfm_colmap.surface.fusion.cloud import MIN_CLOUD_POINTS, smooth_along_normals, thin
+from semsfm_colmap.surface.mesh.fill import filled
 from semsfm_colmap.surface.mesh.repair import compact, repair
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Array, Float, Int, PointCloud, TriangleMesh
@@ -57,19 +58,22 @@ def mesh_cloud(cloud: PointCloud, options: SurfaceOptions) -> TriangleMesh:
         faces,
         cloud_normals=_nearest(cloud, vertices),
         min_component_fraction=options.min_component_fraction,
-        max_hole_edges=options.max_hole_edges,
+        max_hole_edges=0,
     )
     if len(faces) == 0:
         raise InputError(
             "No surface came of the point cloud: it is too sparse or too noisy; "
             "densify first, or try surface.method = poisson."
         )
+    normals = _nearest(cloud, vertices)
+    faces, closing = filled(vertices, faces, normals, options.fill_holes, options.max_hole_edges)
     vertices, faces, colors = compact(vertices, faces, colors)
     return TriangleMesh(
         vertices=vertices,
         faces=faces,
         vertex_normals=vertex_normals(vertices, faces),
         vertex_colors=colors,
+        face_filled=closing,
     )
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from semsfm_colmap.surface.mesh.halfedges import directed_keys, next_in_face, opposite_halfedge
-from semsfm_colmap.types import Float, Int
+from semsfm_colmap.types import Bool, Float, Int
 
 _SLIVER_WEIGHT = 0.1
 _SMALL_LOOP = 12
@@ -104,7 +104,7 @@ def fill_holes(vertices: Float, faces: Int, normals: Float, max_edges: int) -> I
     return np.concatenate([faces, *added]) if added else faces
 
 
-def best_triangulation(polygon: Float, free: Int | None = None) -> Int | None:
+def best_triangulation(polygon: Float, free: Bool | None = None) -> Int | None:
     """Triangulate a closed polygon in space with little area and no slivers.
 
     ``W[i, j] = min_k W[i, k] + W[k, j] + w(i, k, j)`` for the part of the polygon between the
