@@ -311,7 +311,9 @@ def report(cases: list[tuple[Path, Path]], options: SurfaceOptions) -> str:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Read the command line, print the tables, put them into a page."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="python -m benchmarks.surface_completeness",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "--case", nargs=2, type=Path, action="append", metavar=("PROJECT", "TRUTH"), required=True

@@ -377,6 +377,8 @@ class TriangleMesh(_Frozen):
     """(V, 3) uint8"""
     vertex_sigma: Array | None = None
     """(V,) standard deviation along the normal in world units"""
+    face_filled: Bool | None = None
+    """(F,) True where a face closes a hole: nobody saw what it shows"""
     uv: Float | None = None
     """(F, 3, 2) texture coordinates, origin bottom left"""
     texture: Array | None = None

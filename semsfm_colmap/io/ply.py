@@ -1,8 +1,9 @@
 """PLY files: vertices with named properties, and triangles; clouds and meshes as such.
 
 Binary little-endian. Clouds and meshes have float32 positions, normals, ``red green blue`` and,
-where errors are known, ``sigma`` in world units: what open3d, MeshLab and CloudCompare read. Far
-from the origin, as in geographic coordinates, positions are float64.
+where errors are known, ``sigma`` in world units: what open3d, MeshLab and CloudCompare read. Faces
+that close a hole have ``filled`` 1. Far from the origin, as in geographic coordinates, positions
+are float64.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.atomic import file_aside
-from semsfm_colmap.types import Array, Int, PointCloud, TriangleMesh
+from semsfm_colmap.types import Array, Bool, Int, PointCloud, TriangleMesh
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2",
@@ -27,7 +28,7 @@ FAR = 30.0
 """Distance from the origin, in extents of the cloud, beyond which positions are float64: float32
 holds 6e-8 of the distance, 2e-6 of the extent."""
 _NAMES = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}
-_FACE = np.dtype([("n", "u1"), ("v", "<i4", 3)])
+_FACE = (("n", "u1"), ("v", "<i4", 3))
 _POSITION, _NORMAL, _COLOR = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blue")
 
 
@@ -39,25 +40,41 @@ class PlyFile:
     """(V,) structured: one field a property"""
     faces: Int | None
     """(F, 3); None when the file speaks of none"""
+    face_properties: Array | None = None
+    """(F,) structured: one field a property of the faces beside their vertices"""
 
 
 def write_ply_file(
-    path: Path, vertices: Array, faces: Array | None = None, *, comment: str
+    path: Path,
+    vertices: Array,
+    faces: Array | None = None,
+    *,
+    comment: str,
+    face_properties: Array | None = None,
 ) -> None:
-    """Write vertices, a structured array (V,), and triangles (F, 3)."""
+    """Write vertices, a structured array (V,), and triangles (F, 3) with structured properties."""
     lines = ["ply", "format binary_little_endian 1.0", f"comment {comment}"]
     lines.append(f"element vertex {len(vertices)}")
-    assert vertices.dtype.fields is not None
-    for name, (kind, *_) in vertices.dtype.fields.items():
-        lines.append(f"property {_NAMES[kind.str[1:]]} {name}")
-    rows = np.empty(0 if faces is None else len(faces), dtype=_FACE)
+    lines += [f"property {_NAMES[kind[1:]]} {name}" for name, kind in _kinds(vertices)]
+    extra = _kinds(face_properties)
+    rows = np.empty(0 if faces is None else len(faces), dtype=np.dtype([*_FACE, *extra]))
     if faces is not None:
         rows["n"], rows["v"] = 3, faces
         lines += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+        for name, kind in extra:
+            assert face_properties is not None
+            rows[name] = face_properties[name]
+            lines.append(f"property {_NAMES[kind[1:]]} {name}")
     with file_aside(path) as aside, aside.open("wb") as file:
         file.write(("\n".join([*lines, "end_header"]) + "\n").encode("ascii"))
         file.write(vertices.tobytes())
         file.write(rows.tobytes())
+
+
+def _kinds(rows: Array | None) -> list[tuple[str, str]]:
+    """Names and types of the fields of a structured array."""
+    fields = None if rows is None else rows.dtype.fields
+    return [] if fields is None else [(name, kind.str) for name, (kind, *_) in fields.items()]
 
 
 def read_ply_file(path: Path) -> PlyFile:
@@ -79,6 +96,7 @@ def read_ply_file(path: Path) -> PlyFile:
         raise InputError(f"{path} is not a binary little-endian PLY file: convert it to one.")
     counts: dict[str, int] = {}
     kinds: list[tuple[str, str]] = []
+    face_kinds: list[tuple[str, str]] = []
     element = ""
     for line in lines[2:]:
         word = line.split()
@@ -87,30 +105,41 @@ def read_ply_file(path: Path) -> PlyFile:
             counts[element] = int(word[2])
         elif word[:1] == ["property"] and element == "vertex":
             kinds.append((word[2], "<" + _TYPES[word[1]]))
-    rows = np.dtype(kinds)
+        elif word[:1] == ["property"] and element == "face" and word[1] != "list":
+            face_kinds.append((word[2], "<" + _TYPES[word[1]]))
+    rows, face_rows = np.dtype(kinds), np.dtype([*_FACE, *face_kinds])
     num, num_faces = counts.get("vertex", 0), counts.get("face", 0)
-    if len(body) < num * rows.itemsize + num_faces * _FACE.itemsize:
+    if len(body) < num * rows.itemsize + num_faces * face_rows.itemsize:
         raise InputError(f"{path} is cut short: write it again.")
     vertices = np.frombuffer(body, dtype=rows, count=num)
     if "face" not in counts:
         return PlyFile(vertices=vertices, faces=None)
-    faces = np.frombuffer(body, dtype=_FACE, count=num_faces, offset=num * rows.itemsize)
+    faces = np.frombuffer(body, dtype=face_rows, count=num_faces, offset=num * rows.itemsize)
     if np.any(faces["n"] != 3):
         raise InputError(f"{path} has faces that are not triangles: triangulate it.")
-    return PlyFile(vertices=vertices, faces=faces["v"].astype(np.int64))
+    names = [name for name, _ in face_kinds]
+    return PlyFile(
+        vertices=vertices,
+        faces=faces["v"].astype(np.int64),
+        face_properties=faces[names] if names else None,
+    )
 
 
 def write_ply(path: Path | str, surface: PointCloud | TriangleMesh) -> None:
     """Write a cloud or a mesh."""
+    marks = None
     if isinstance(surface, TriangleMesh):
         rows = _vertex_rows(
             surface.vertices, surface.vertex_normals, surface.vertex_colors, surface.vertex_sigma
         )
         faces = surface.faces
+        if surface.face_filled is not None:
+            marks = np.zeros(len(faces), dtype=[("filled", "u1")])
+            marks["filled"] = surface.face_filled
     else:
         rows = _vertex_rows(surface.points, surface.normals, surface.colors, surface.sigma)
         faces = None
-    write_ply_file(Path(path), rows, faces, comment="semsfm_colmap")
+    write_ply_file(Path(path), rows, faces, comment="semsfm_colmap", face_properties=marks)
 
 
 def read_ply_cloud(path: Path | str) -> PointCloud:
@@ -135,6 +164,7 @@ def read_ply_mesh(path: Path | str) -> TriangleMesh:
         vertex_normals=_optional(file.vertices, _NORMAL, np.float64),
         vertex_colors=_optional(file.vertices, _COLOR, np.uint8),
         vertex_sigma=_sigma(file.vertices),
+        face_filled=_filled(file),
     )
 
 
@@ -145,6 +175,13 @@ def position_type(points: Array) -> np.dtype[Any]:
         return np.dtype("<f4")
     far, extent = np.abs(points).max(), np.ptp(points, axis=0).max()
     return np.dtype("<f8" if far > FAR * max(float(extent), 1e-300) else "<f4")
+
+
+def _filled(file: PlyFile) -> Bool | None:
+    marks = file.face_properties
+    if marks is None or "filled" not in (marks.dtype.names or ()):
+        return None
+    return np.asarray(marks["filled"] > 0)
 
 
 def _vertex_rows(

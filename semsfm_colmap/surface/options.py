@@ -70,7 +70,9 @@ class SurfaceOptions:
     """A point this far in front of another map's surface is contradicted by it."""
     min_consistent_maps: int = 1
     """Other depth maps that must agree with a point."""
-    max_fused_outlier_sigma: float = 4.0
+    min_lone_confidence: float = 0.5
+    """A depth that no other map agrees with or contradicts counts when it correlates this much."""
+    max_fused_outlier_sigma: float = 5.0
     """As `max_outlier_sigma`, of the fused points, which depth maps have agreed on already."""
     spacing_px: float = 2.0
     """Distance between the points of the fused cloud, in px of the depth maps."""
@@ -94,10 +96,13 @@ class SurfaceOptions:
     """Grid on which points are merged before meshing, in the same unit; 0 keeps all."""
     num_smoothing_iterations: int = 1
     """Passes that move points along their normals onto the local surface; 0 keeps the noise."""
-    min_component_fraction: float = 0.01
+    min_component_fraction: float = 0.005
     """Pieces with fewer faces than this share of the largest piece are dropped."""
+    fill_holes: Literal["none", "small", "all"] = "small"
+    """Which holes are closed: small ones continue the surface, all makes a closed body. The faces
+    that do so have the property `filled` in mesh.ply: nobody saw what they show."""
     max_hole_edges: int = 30
-    """Holes with at most this many boundary edges are filled; 0 leaves all open."""
+    """Holes with at most this many boundary edges are small."""
     max_edge_factor: float = 3.0
     """delaunay-2.5d leaves out triangles with longer edges, in units of that median distance."""
     tsdf_voxel_factor: float = 0.7

@@ -131,3 +131,42 @@ def test_what_is_hidden_by_another_body_is_not_seen() -> None:
     assert seen[:, 2].max() < 0.01
     from_behind = Surface(both).visible_samples(cameras((180.0,)), SIZE, 4000)
     assert np.any(np.linalg.norm(from_behind - [0.0, 0.0, 3.0], axis=1) < 0.51)
+
+
+def test_every_camera_is_told_apart_and_the_views_of_a_point_are_counted() -> None:
+    vertices, faces = geodesic_sphere(20)
+    surface = Surface(TriangleMesh(vertices=vertices, faces=faces))
+    turning = cameras((7.0, 47.0, 87.0))
+    points, normals = surface.samples(3000)
+    seen = surface.visibility(points, normals, turning, SIZE)
+    # on a ball a camera sees what faces it: half of it each
+    facing = normals @ turning.viewing_direction.T < 0
+    np.testing.assert_array_equal(seen, facing)
+    np.testing.assert_allclose(seen.mean(axis=0), 0.5, atol=0.01)
+    # lunes between the half-balls: 100 of 360 degrees are seen by all three, 260 by any
+    all_three = surface.visible_samples(turning, SIZE, 3000, min_views=3)
+    assert len(all_three) / 3000 == pytest.approx(100 / 360, abs=0.01)
+    assert len(surface.visible_samples(turning, SIZE, 3000)) / 3000 == pytest.approx(
+        260 / 360, abs=0.01
+    )
+
+
+def test_a_ball_is_open_all_around_and_as_thick_as_its_diameter() -> None:
+    vertices, faces = geodesic_sphere(20)
+    surface = Surface(TriangleMesh(vertices=vertices, faces=faces))
+    points, normals = surface.samples(500)
+    directions = np.random.default_rng(0).normal(size=(40, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    np.testing.assert_array_equal(surface.openings(points, normals, directions), 1.0)
+    np.testing.assert_allclose(surface.thickness(points, normals), 2.0, atol=0.01)
+
+
+def test_a_sheet_below_a_roof_is_closed_above_and_has_no_other_side() -> None:
+    roof = sheet()
+    wide = np.concatenate([roof.vertices, roof.vertices * 100.0 + [0.0, 0.0, -1.0]])
+    faces = np.concatenate([roof.faces, roof.faces + 4])
+    surface = Surface(TriangleMesh(vertices=wide, faces=faces))
+    below, up = np.array([[0.1, 0.2, 0.0]]), np.array([[0.0, 0.0, -1.0]])
+    steep = np.array([[0.0, 0.0, -1.0], [0.6, 0.0, -0.8], [0.0, 0.0, 1.0]])
+    np.testing.assert_array_equal(surface.openings(below, up, steep), 0.0)
+    assert np.isinf(surface.thickness(below, up)).all()

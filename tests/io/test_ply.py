@@ -115,6 +115,26 @@ def test_a_mesh_comes_back_and_open3d_reads_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.asarray(read.vertex_normals), before.vertex_normals)
 
 
+def test_faces_that_close_a_hole_keep_their_mark_and_others_still_read_the_mesh(
+    tmp_path: Path,
+) -> None:
+    mesh = TriangleMesh(
+        vertices=np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+        faces=np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2]]),
+        face_filled=np.array([False, True, False]),
+    )
+    path = tmp_path / "mesh.ply"
+    write_ply(path, mesh)
+    back = read_ply_mesh(path)
+    np.testing.assert_array_equal(back.face_filled, mesh.face_filled)
+    np.testing.assert_array_equal(back.faces, mesh.faces)
+    seen = o3d.io.read_triangle_mesh(str(path))
+    np.testing.assert_array_equal(np.asarray(seen.triangles), mesh.faces)
+    unmarked = TriangleMesh(vertices=mesh.vertices, faces=mesh.faces)
+    write_ply(path, unmarked)
+    assert read_ply_mesh(path).face_filled is None
+
+
 def test_a_write_that_fails_leaves_the_old_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

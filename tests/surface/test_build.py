@@ -56,7 +56,7 @@ def test_where_the_maps_leave_gaps_that_is_said(
     round_ball: tuple[Reconstruction, list[DepthMap], Path],
 ) -> None:
     reconstruction, maps, folder = round_ball
-    solution = fuse_depth_maps(maps[:12], reconstruction, folder, OPTIONS)
+    solution = fuse_depth_maps(maps[:9], reconstruction, folder, OPTIONS)
     assert solution.status == "gaps"
     assert 0.4 < solution.diagnostics["coverage"] < 0.8
 

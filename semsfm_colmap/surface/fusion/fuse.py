@@ -167,8 +167,13 @@ def _points(
     votes = vote(depth_map, normals, image_idx, others, load, cameras, sizes, options)
 
     cosine = -normals[2]
-    keep = np.isfinite(depth_map.depth) & (votes.agreeing >= required)
-    keep &= (votes.contradicting < votes.agreeing) & (cosine >= np.cos(np.radians(_MAX_SLANT_DEG)))
+    # what no other map can judge stands on the neighbours that its own windows correlate with
+    alone = (votes.agreeing == 0) & (votes.contradicting == 0)
+    alone &= confidence >= options.min_lone_confidence
+    keep = np.isfinite(depth_map.depth) & ((votes.agreeing >= required) | alone)
+    keep &= ((votes.contradicting < votes.agreeing) | alone) & (
+        cosine >= np.cos(np.radians(_MAX_SLANT_DEG))
+    )
     keep &= cosine >= _MIN_FRONTALITY * votes.best_cosine
     y, x = np.nonzero(keep)
     own = np.maximum(confidence[keep], 1e-3) * cosine[keep]
@@ -181,6 +186,10 @@ def _points(
     spread2 = share * (votes.spread[keep] ** 2 + (1.0 - share) * votes.offset[keep] ** 2)
     window = None if depth_map.sigma is None else depth_map.sigma[keep] * cosine[keep]
     variance = matching_variance(np.sqrt(spread2), window, votes.agreeing[keep] + 1.0)
+    # nothing is known of a lone depth but that it would have had to agree within the tolerance
+    unit = depth_map_unit(cameras, image_idx, sizes[image_idx], depth_map)
+    lone = alone[keep]
+    variance[lone] = np.maximum(variance[lone], (0.5 * options.consistency_px * unit) ** 2)
     return np.column_stack([total, points, normal, grey[keep], variance])
 
 

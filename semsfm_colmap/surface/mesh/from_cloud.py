@@ -1,7 +1,7 @@
 """A triangle mesh from an oriented cloud: thinned and smoothed, meshed by a method, repaired.
 
 Noise of the size of a method's own length breaks the surface into fragments, hence the order: merge
-points on a grid, smooth along the normals, mesh, repair, drop fragments, fill small holes. Lengths
+points on a grid, smooth along the normals, mesh, repair, drop fragments, fill holes. Lengths
 are multiples of b, the median distance to the 8th neighbour, so that they follow the density.
 """
 
@@ -19,9 +19,15 @@ from semsfm_colmap.io.ply import position_type
 from semsfm_colmap.surface.depth_view import DepthView
 from semsfm_colmap.surface.fusion.cloud import MIN_CLOUD_POINTS, smooth_along_normals, thin
 from semsfm_colmap.surface.mesh.close import close_holes
+from semsfm_colmap.surface.mesh.holes import fill_holes
 from semsfm_colmap.surface.mesh.methods.registry import find_method
 from semsfm_colmap.surface.mesh.methods.task import MeshTask
-from semsfm_colmap.surface.mesh.repair import compact, drop_small_components, repair
+from semsfm_colmap.surface.mesh.repair import (
+    compact,
+    drop_degenerate,
+    drop_small_components,
+    repair,
+)
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Float, PointCloud, TriangleMesh
 
@@ -34,8 +40,9 @@ def mesh_cloud(
 ) -> TriangleMesh:
     """Mesh an oriented cloud, with vertex colours and normals toward the viewers.
 
-    The mesh is an oriented manifold, with a boundary unless `options.watertight`, and its vertices
-    are numbers that a file holds: it says exactly what was checked.
+    The mesh is an oriented manifold, with a boundary unless all holes are to be closed, and its
+    vertices are numbers that a file holds: it says exactly what was checked. Faces that close a
+    hole are marked.
 
     Parameters
     ----------
@@ -88,23 +95,29 @@ def mesh_cloud(
         cloud_normals=normals,
         oriented=raw.oriented,
         min_component_fraction=options.min_component_fraction,
-        max_hole_edges=options.max_hole_edges,
     )
     if len(faces) == 0:
         raise InputError(
             f"No surface came of the point cloud by {method.name}: it is too sparse or too noisy; "
             "densify first, or try surface.method = poisson."
         )
-    vertices, faces, colors = compact(vertices, faces, raw.colors)
     if options.watertight:
         faces = drop_small_components(faces, 1.0)
-        vertices, faces, colors = close_holes(*compact(vertices, faces, colors))
+    num_seen = len(faces)
+    if options.fill_holes != "none" or options.watertight:
+        faces = fill_holes(vertices, faces, normals, options.max_hole_edges)
+        faces = drop_degenerate(vertices, faces)
+    vertices, faces, colors = compact(vertices, faces, raw.colors)
+    if options.fill_holes == "all" or options.watertight:
+        vertices, faces, colors = close_holes(vertices, faces, colors)
         vertices = as_stored(vertices)
     return TriangleMesh(
         vertices=vertices,
         faces=faces,
         vertex_normals=vertex_normals(vertices, faces),
         vertex_colors=colors,
+        # what closes holes stands behind what was seen
+        face_filled=np.arange(len(faces)) >= num_seen,
     )
 
 

@@ -15,7 +15,6 @@ from semsfm_colmap.surface.mesh.halfedges import (
     opposite_halfedge,
     vertex_fans,
 )
-from semsfm_colmap.surface.mesh.holes import fill_holes
 from semsfm_colmap.types import Array, Float, Int
 
 MIN_HEIGHT = 1e-5
@@ -28,10 +27,9 @@ def repair(
     *,
     cloud_normals: Float,
     min_component_fraction: float,
-    max_hole_edges: int,
     oriented: bool = False,
 ) -> Int:
-    """Clean faces over the same vertices: oriented, edge-manifold, without crumbs and small holes.
+    """Clean faces over the same vertices: oriented, edge-manifold, without crumbs.
 
     Parameters
     ----------
@@ -39,7 +37,6 @@ def repair(
     faces : (F, 3)
     cloud_normals : (V, 3) that point outside
     min_component_fraction : of the faces of the largest component
-    max_hole_edges : holes with longer boundaries stay open
     oriented : the faces are turned outside already, and stay as they are
 
     """
@@ -48,10 +45,7 @@ def repair(
         faces = face_outside(vertices, faces, cloud_normals)
     faces = drop_branches(vertices, faces)
     faces = drop_fins(faces)
-    faces = drop_small_components(faces, min_component_fraction)
-    if max_hole_edges > 0:
-        faces = fill_holes(vertices, faces, cloud_normals, max_hole_edges)
-    return drop_degenerate(vertices, faces)
+    return drop_small_components(faces, min_component_fraction)
 
 
 def drop_degenerate(vertices: Float, faces: Int) -> Int:

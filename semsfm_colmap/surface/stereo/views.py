@@ -110,9 +110,9 @@ def choose_references(
 ) -> Int:
     """The images that get a depth map, spread over the viewing directions.
 
-    Again and again the image whose direction is farthest from those taken so far, until `max_num`
-    are taken or every image lies within `min_angle_rad` of one that is: it would see the same
-    surface from nearly the same side, and its picture counts as a neighbour of the other's.
+    In their order, each image that is seen at `min_angle_rad` or more to all taken before it: one
+    nearer than that sees the same surface from the same side, and still counts as a neighbour. When
+    that is more than `max_num`, the image farthest from those taken so far, again and again.
 
     Returns
     -------
@@ -120,17 +120,24 @@ def choose_references(
 
     """
     d = cameras.viewing_direction
-    taken = [0]
-    angle = np.full(len(cameras), np.inf)
-    while len(taken) < min(max_num, len(cameras)):
-        cosine = d @ d[taken[-1]]
-        sine = np.linalg.norm(np.cross(d, d[taken[-1]]), axis=1)
-        angle = np.minimum(angle, np.arctan2(sine, cosine))
-        angle[taken] = -1.0
-        best = int(np.argmax(angle))
-        if angle[best] < min_angle_rad:
-            break
-        taken.append(best)
+
+    def angles(idx: int) -> Float:
+        sine = np.linalg.norm(np.cross(d, d[idx]), axis=1)
+        return np.asarray(np.arctan2(sine, d @ d[idx]))
+
+    taken: list[int] = []
+    nearest = np.full(len(cameras), np.inf)
+    for idx in range(len(cameras)):
+        if nearest[idx] >= min_angle_rad:
+            taken.append(idx)
+            nearest = np.minimum(nearest, angles(idx))
+    if len(taken) <= max_num:
+        return np.array(taken, dtype=np.int64)
+    taken, nearest = [0], angles(0)
+    while len(taken) < max_num:
+        nearest[taken] = -1.0
+        taken.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, angles(taken[-1]))
     return np.sort(np.array(taken, dtype=np.int64))
 
 

@@ -35,6 +35,9 @@ _RAY_START_PX = 2.0
 _NUM_GAIN_ROUNDS = 8
 _BORDER_TEXELS = 2.0
 """Width of the border around each chart; the packer keeps charts twice as far apart."""
+_CHART_COST = 0.5
+"""Bend and raggedness up to which a chart grows. xatlas's own 2.0 takes 1.7 times as long for as
+many charts, packed as densely."""
 _PACKING = 0.7
 """Share of the atlas that charts cover."""
 
@@ -215,6 +218,7 @@ def _atlas(mesh: TriangleMesh, unit: float, max_size: int) -> tuple[Float, int]:
     atlas.add_mesh(vertices, mesh.faces.astype(np.uint32))
     charts, packing = xatlas.ChartOptions(), xatlas.PackOptions()
     charts.max_iterations = 1
+    charts.max_cost = _CHART_COST
     packing.resolution = size
     packing.padding = int(2 * _BORDER_TEXELS)
     packing.bilinear = True

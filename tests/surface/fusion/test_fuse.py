@@ -51,6 +51,25 @@ def test_a_map_that_nobody_confirms_leaves_no_points(
     assert np.abs(SCALE * (np.linalg.norm(cloud.points, axis=1) - RADIUS)).max() < 3.0
 
 
+def test_what_no_other_map_can_judge_stands_on_its_own_correlation(
+    round_ball: tuple[Reconstruction, list[DepthMap], Path],
+) -> None:
+    reconstruction, maps, folder = round_ball
+    seen = np.isfinite(maps[4].depth)
+    share = {}
+    for name, confidence in (("sure", 0.9), ("unsure", 0.3)):
+        lone = replace(maps[4], confidence=np.where(seen, confidence, 0.0).astype("f4"))
+        cloud = fuse([lone], reconstruction, folder, OPTIONS)
+        share[name] = len(cloud.points)
+        if len(cloud.points):
+            assert np.abs(SCALE * (np.linalg.norm(cloud.points, axis=1) - RADIUS)).max() < 1.0
+            # it is not credited with an accuracy that nobody has checked
+            assert cloud.sigma is not None
+            np.testing.assert_allclose(SCALE * cloud.sigma, 0.5 * OPTIONS.consistency_px, rtol=0.05)
+    assert share["sure"] > 1000
+    assert share["unsure"] == 0
+
+
 def test_maps_read_from_a_folder_give_the_same_cloud(
     round_ball: tuple[Reconstruction, list[DepthMap], Path], tmp_path: Path
 ) -> None:

@@ -97,3 +97,33 @@ def test_points_that_no_ball_can_touch_are_an_error_with_a_way_out() -> None:
     normals = np.tile([0.0, 0.0, 1.0], (100, 1))
     with pytest.raises(InputError, match="No surface"):
         mesh_cloud(PointCloud(points=line, normals=normals), SurfaceOptions())
+
+
+def capless_ball(min_z: float) -> PointCloud:
+    points = ball_points(4000)
+    points = points[points[:, 2] > min_z * RADIUS]
+    return PointCloud(points=points, normals=points / RADIUS)
+
+
+@pytest.mark.parametrize("which", ["none", "small", "all"])
+def test_holes_are_closed_as_asked_and_what_closes_them_is_marked(
+    which: Literal["none", "small", "all"],
+) -> None:
+    cloud = capless_ball(-0.6)
+    mesh = mesh_cloud(cloud, SurfaceOptions(fill_holes=which))
+    assert mesh.face_filled is not None
+    assert is_edge_manifold(mesh.faces)
+    rim = num_boundary_edges(mesh.faces)
+    middle = mesh.vertices[mesh.faces].mean(axis=1)
+    lid = middle[:, 2] < -0.55 * RADIUS
+    inside = np.linalg.norm(middle, axis=1) < 0.9 * RADIUS
+    if which == "all":
+        assert rim == 0
+        # the lid hangs in the air, far from every point, and is marked
+        assert mesh.face_filled[inside].all()
+        assert (inside & lid).any()
+    else:
+        assert rim > SurfaceOptions().max_hole_edges
+        assert not inside.any()
+    if which == "none":
+        assert not mesh.face_filled.any()

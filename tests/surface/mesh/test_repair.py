@@ -44,9 +44,7 @@ def test_repair_makes_a_soup_of_faces_an_oriented_manifold() -> None:
     rng = np.random.default_rng(0)
     flipped = np.where(rng.random(len(faces))[:, None] < 0.5, faces[:, ::-1], faces)
     soup = np.concatenate([flipped, flipped[:5], [[0, 0, 1], [9, 10, 60]]])
-    mended = repair(
-        vertices, soup, cloud_normals=up(vertices), min_component_fraction=0.1, max_hole_edges=10
-    )
+    mended = repair(vertices, soup, cloud_normals=up(vertices), min_component_fraction=0.1)
     assert is_edge_manifold(mended)
     assert face_normals(vertices, mended)[:, 2].min() > 0
     np.testing.assert_allclose(vertex_normals(vertices, mended)[27], [0, 0, 1])
@@ -61,7 +59,5 @@ def test_turning_faces_outside_is_a_matter_of_their_vertices_normals() -> None:
 def test_an_empty_mesh_passes_through_repair() -> None:
     empty = np.zeros((0, 3), dtype=np.int64)
     vertices = grid(3)[0]
-    mended = repair(
-        vertices, empty, cloud_normals=up(vertices), min_component_fraction=0.1, max_hole_edges=10
-    )
+    mended = repair(vertices, empty, cloud_normals=up(vertices), min_component_fraction=0.1)
     assert mended.shape == (0, 3)
