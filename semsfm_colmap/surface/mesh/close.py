@@ -17,7 +17,7 @@ import numpy as np
 from semsfm_colmap.geometry.mesh_normals import face_normals
 from semsfm_colmap.surface.mesh.halfedges import directed_keys
 from semsfm_colmap.surface.mesh.holes import best_triangulation, boundary_loops
-from semsfm_colmap.surface.mesh.repair import drop_degenerate
+from semsfm_colmap.surface.mesh.repair import MIN_HEIGHT
 from semsfm_colmap.types import Array, Bool, Float, Int
 
 SHEET_RATIO = 0.5
@@ -26,6 +26,8 @@ FLOOR_DEPTH = 0.1
 """The floor lies this share of the sheet's extent below its lowest vertex."""
 MAX_CORNERS = 200
 """Rims with more edges are spanned between so many of their corners first."""
+MAX_ROUNDS = 6
+"""Attempts to span a rim without needles."""
 
 
 def close_holes(
@@ -56,8 +58,8 @@ def close_holes(
     edges = set(directed_keys(faces, len(vertices)).tolist())
     added = [faces]
     for loop in loops:
-        patch = _span(vertices, loop, edges)
-        if patch is None or len(drop_degenerate(vertices, patch)) < len(patch):
+        patch = _span_without_needles(vertices, loop, edges)
+        if patch is None:
             vertices = np.concatenate([vertices, vertices[loop].mean(axis=0, keepdims=True)])
             middle = np.full(len(loop), len(vertices) - 1)
             source = np.append(source, source[loop[0]])
@@ -83,6 +85,25 @@ def _wall(vertices: Float, rim: Int, area: Float) -> tuple[Float, Int]:
     return np.concatenate([vertices, below]), faces
 
 
+def _span_without_needles(vertices: Float, loop: Int, edges: set[int]) -> Int | None:
+    """`_span`, again without the longest edges of what came out as needles; None: they stay."""
+    banned = set(edges)
+    for _ in range(MAX_ROUNDS):
+        patch = _span(vertices, loop, banned)
+        if patch is None:
+            return None
+        corner = vertices[patch]
+        side = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2)
+        height = np.linalg.norm(face_normals(vertices, patch), axis=1) / side.max(axis=1)
+        needle = np.flatnonzero(height <= MIN_HEIGHT * side.max(axis=1))
+        if len(needle) == 0:
+            return patch
+        longest = side[needle].argmax(axis=1)
+        start, end = patch[needle, longest], patch[needle, (longest + 1) % 3]
+        banned.update((start * len(vertices) + end).tolist())
+    return None
+
+
 def _span(vertices: Float, loop: Int, edges: set[int]) -> Int | None:
     """Triangles across a rim, none of whose inner edges the mesh has already; None: there are none.
 
@@ -95,7 +116,8 @@ def _span(vertices: Float, loop: Int, edges: set[int]) -> Int | None:
     n = len(loop)
     if n > MAX_CORNERS:
         corner = np.linspace(0, n, MAX_CORNERS, endpoint=False).astype(np.int64)
-        patches = [_polygon(vertices, loop[corner], edges, closed=False)]
+        bridging = np.diff(np.append(corner, n)) > 1
+        patches = [_polygon(vertices, loop[corner], edges, bridging)]
         for k, first in enumerate(corner):
             last = corner[k + 1] if k + 1 < len(corner) else n
             part = np.append(loop[first:last], loop[last % n])
@@ -104,24 +126,31 @@ def _span(vertices: Float, loop: Int, edges: set[int]) -> Int | None:
         if any(patch is None for patch in patches):
             return None
         return np.concatenate([patch for patch in patches if patch is not None])
-    return _polygon(vertices, loop, edges, closed=True)
+    return _polygon(vertices, loop, edges, np.zeros(n, dtype=bool))
 
 
-def _polygon(vertices: Float, loop: Int, edges: set[int], *, closed: bool) -> Int | None:
-    """The cheapest triangles; `closed`: sides are edges of the rim, else free chords as well."""
-    i, j = np.triu_indices(len(loop), 1)
-    free: Bool = np.ones((len(loop), len(loop)), dtype=bool)
-    num = len(vertices)
+def _polygon(vertices: Float, loop: Int, edges: set[int], bridging: Bool) -> Int | None:
+    """The cheapest triangles of a polygon none of whose chords the mesh has.
+
+    Parameters
+    ----------
+    loop : (n,)
+    bridging : (n,) which sides, from each vertex to the next, are chords as well
+
+    """
+    n, num = len(loop), len(vertices)
+    i, j = np.triu_indices(n, 1)
     lo, hi = loop[i], loop[j]
     taken = [
         a * num + b in edges or b * num + a in edges
         for a, b in zip(lo.tolist(), hi.tolist(), strict=True)
     ]
+    free: Bool = np.ones((n, n), dtype=bool)
     free[i, j] = ~np.array(taken)
-    if not closed:
-        side = np.arange(len(loop) - 1)
-        if not (free[side, side + 1].all() and free[0, -1]):
-            return None
+    begin = np.flatnonzero(bridging)
+    end = (begin + 1) % n
+    if not free[np.minimum(begin, end), np.maximum(begin, end)].all():
+        return None
     triangles = best_triangulation(vertices[loop], free)
     return None if triangles is None else loop[triangles]
 
