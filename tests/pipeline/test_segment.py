@@ -3,10 +3,12 @@ import shutil
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from semsfm_colmap.cli.main import main
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.geometry.normals import sampling_distance
 from semsfm_colmap.io.ply import read_ply_cloud, read_ply_file, read_ply_mesh
 from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.pipeline.segment import segment_project
@@ -116,10 +118,14 @@ def test_a_part_is_meshed_alone(project):
     assert 0 < len(mesh.faces) < len(before.faces)
     cloud = read_ply_cloud(project / "dense" / "fused.ply")
     stalk = select_part(cloud, project / "segments", "stalk").points
-    low = np.percentile(stalk, 50, axis=0)
-    # half way down the stalk there is none of it
-    gap = np.linalg.norm(mesh.vertices - low, axis=1).min()
-    assert gap > 3 * np.median(np.linalg.norm(np.diff(stalk[:50], axis=0), axis=1)) / 10
+    spacing = sampling_distance(cloud.points)
+
+    def farthest(surface):
+        return cKDTree(surface.vertices).query(stalk)[0].max()
+
+    # the end of the stalk was in the mesh, and is far from what is left
+    assert farthest(before) < 4 * spacing
+    assert farthest(mesh) > 8 * spacing
     # with the same labels there is nothing to do, with others there is
     record = run_stages(project, with_part("specimen"), names=("mesh",))
     first = record.entry("mesh").key
