@@ -4,7 +4,9 @@ The public names, loaded when they are first used:
 
 - `reconstruct`, `run_stages`: images to a project; some stages of a project
 - `Config`, `read_config`, `write_config`: all options
-- `map_database`, `reconstruct_from_database`: from any COLMAP database
+- `segment_project`: specimen and what holds it told apart
+- `map_database`, `reconstruct_from_database`: from any COLMAP database; `mesh_colmap`: a mesh of any
+  COLMAP folder
 - `export_project`, `adopt_model`, `read_pinhole_model`: to other programs and back
 - `read_model`: a `Reconstruction` from a sparse folder
 - `map_observations`: `Observations` to reconstructions, without any file
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.pipeline.foreign.mesh_colmap import mesh_colmap as mesh_colmap
     from semsfm_colmap.pipeline.runner import reconstruct as reconstruct
     from semsfm_colmap.pipeline.runner import run_stages as run_stages
+    from semsfm_colmap.pipeline.segment import segment_project as segment_project
     from semsfm_colmap.synthetic.options import SynthesizeOptions as SynthesizeOptions
     from semsfm_colmap.synthetic.series import synthesize as synthesize
 
@@ -60,6 +63,7 @@ _HOMES = {
     "reconstruct": "pipeline.runner",
     "reconstruct_from_database": "pipeline.foreign.import_database",
     "run_stages": "pipeline.runner",
+    "segment_project": "pipeline.segment",
     "synthesize": "synthetic.series",
     "write_config": "config",
 }

@@ -23,7 +23,7 @@ from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import StageRecord, to_plain
 
-STAGE_FORMAT = "3"
+STAGE_FORMAT = "4"
 """Raise it when a stage's results change for unchanged options: old projects are recomputed."""
 
 

@@ -253,7 +253,9 @@ def parallel_source(
     if not all((images / name).is_file() for name in model.image_names):
         return None
     masks = workspace.path / MASKS_FOLDER
-    references = choose_references(model.cameras, options.max_num_depth_maps)
+    references = choose_references(
+        model.cameras, options.max_num_depth_maps, np.radians(options.min_reference_angle_deg)
+    )
     executor = ThreadExecutor(-1)
     maps = []
     with reporter.progress("depth maps") as progress:
