@@ -5,8 +5,8 @@ The public names, loaded when they are first used:
 - `reconstruct`, `run_stages`: images to a project; some stages of a project
 - `Config`, `read_config`, `write_config`: all options
 - `segment_project`: specimen and what holds it told apart
-- `map_database`, `reconstruct_from_database`: from any COLMAP database; `mesh_colmap`: a mesh of any
-  COLMAP folder
+- `map_database`, `reconstruct_from_database`: from any COLMAP database
+- `mesh_colmap`: a mesh of any COLMAP folder
 - `export_project`, `adopt_model`, `read_pinhole_model`: to other programs and back
 - `read_model`: a `Reconstruction` from a sparse folder
 - `map_observations`: `Observations` to reconstructions, without any file
