@@ -25,7 +25,7 @@ class SurfaceOptions:
     """Longer side of a depth map; larger images are reduced to it."""
     max_num_depth_maps: int = 48
     """Images that get a depth map; of longer series as many, spread over the directions."""
-    min_reference_angle_deg: float = 4.5
+    min_reference_angle_deg: float = 3.0
     """Of images seen at smaller angles to one another only some get a depth map; all are matched
     against."""
     num_neighbors: int = 6
