@@ -270,7 +270,7 @@ def parallel_source(
         ):
             maps.append(depth_map)
             progress(len(maps), len(references))
-    fused = fuse_depth_maps(maps, model, images, options)
+    fused = fuse_depth_maps(maps, model, images, options, parallel_map=executor.map)
     if fused.value is None:
         return None
     number = {name: i for i, name in enumerate(model.image_names)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.atomic import folder_aside
 from semsfm_colmap.io.layout import DENSE_FOLDER
+from semsfm_colmap.pipeline.depth_maps import write_depth_maps
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import DensifyRecord
 
@@ -20,8 +21,7 @@ def run(on: StageRun) -> DensifyRecord:
     from semsfm_colmap.io.ply import write_ply
     from semsfm_colmap.pipeline.stages.half_surfaces import compare_halves
     from semsfm_colmap.surface.build import fuse_depth_maps
-    from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map
-    from semsfm_colmap.surface.stereo.depth_maps import sweep_depth_maps
+    from semsfm_colmap.surface.files import DepthMapFolder
     from semsfm_colmap.surface.stereo.views import choose_references
 
     project, options = on.project, on.config.surface
@@ -33,23 +33,11 @@ def run(on: StageRun) -> DensifyRecord:
         options.max_num_depth_maps,
         np.radians(options.min_reference_angle_deg),
     )
-    names: list[str] = []
-    with folder_aside(folder) as aside, on.reporter.progress("depth maps") as progress:
-        for depth_map in sweep_depth_maps(
-            reconstruction,
-            references,
-            project.images,
-            project.masks_or_none,
-            options,
-            parallel_map=on.executor.map,
-            num_at_a_time=on.executor.num_workers,
-        ):
-            write_depth_map(aside, depth_map)
-            names.append(depth_map.image_name)
-            progress(len(names), len(references))
+    with folder_aside(folder) as aside:
+        names = write_depth_maps(on, reconstruction, references, aside, "depth maps")
     with on.reporter.progress("fusing") as progress:
         fused = fuse_depth_maps(
-            DepthMapFolder(folder, tuple(names)),
+            DepthMapFolder(folder, names),
             reconstruction,
             project.images,
             options,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from semsfm_colmap.pipeline.depth_maps import write_depth_maps
 from semsfm_colmap.pipeline.stage import StageRun
 from semsfm_colmap.records import SurfaceHalves
 from semsfm_colmap.types import PointCloud, Reconstruction
@@ -47,26 +48,20 @@ def compare_halves(on: StageRun, reconstruction: Reconstruction) -> SurfaceHalve
 
 def half_surface(on: StageRun, part: Reconstruction) -> PointCloud:
     """The fused cloud of some frames; their depth maps are not kept."""
-    from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map
+    from semsfm_colmap.surface.files import DepthMapFolder
     from semsfm_colmap.surface.fusion.fuse import fuse
-    from semsfm_colmap.surface.stereo.depth_maps import sweep_depth_maps
     from semsfm_colmap.surface.stereo.views import choose_references
 
     project, options = on.project, on.config.surface
     references = choose_references(part.cameras, options.max_num_depth_maps)
-    names: list[str] = []
     with TemporaryDirectory(dir=project.dense, prefix=".half-") as folder:
-        with on.reporter.progress("depth maps of half of the frames") as progress:
-            for depth_map in sweep_depth_maps(
-                part,
-                references,
-                project.images,
-                project.masks_or_none,
-                options,
-                parallel_map=on.executor.map,
-                num_at_a_time=on.executor.num_workers,
-            ):
-                write_depth_map(Path(folder), depth_map)
-                names.append(depth_map.image_name)
-                progress(len(names), len(references))
-        return fuse(DepthMapFolder(folder, tuple(names)), part, project.images, options)
+        names = write_depth_maps(
+            on, part, references, Path(folder), "depth maps of half of the frames"
+        )
+        return fuse(
+            DepthMapFolder(folder, names),
+            part,
+            project.images,
+            options,
+            parallel_map=on.executor.map,
+        )
