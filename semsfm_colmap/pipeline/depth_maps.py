@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from semsfm_colmap.pipeline.stage import StageRun
-from semsfm_colmap.types import Int, Reconstruction
+
+if TYPE_CHECKING:
+    from semsfm_colmap.types import Int, Reconstruction
 
 
 def write_depth_maps(
