@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semsfm_colmap.surface.stereo.refine_kernels import local_planes
+from semsfm_colmap.surface.stereo.plane_kernels import local_planes
 from semsfm_colmap.types import Array, DepthMap, Float, Int, OrthographicCameras
 
 _PLANE_STEP_PX = 2.5

@@ -34,8 +34,9 @@ class SurfaceOptions:
     """Images seen at a smaller angle to the reference give no depth."""
     max_baseline_deg: float = 16.0
     """Images seen at a larger angle look too different."""
-    depth_margin: float = 0.15
-    """The sweep reaches this share of the sparse points' depth range beyond them."""
+    depth_margin: float = 0.5
+    """The sweep reaches this share of the sparse points' depth range beyond them: spines and rims
+    have few points of their own."""
     sweep_step_px: float = 1.0
     """Parallax between two surfaces of a sweep, in px."""
     sweep_window_radius_px: int = 2
@@ -98,6 +99,9 @@ class SurfaceOptions:
     """Passes that move points along their normals onto the local surface; 0 keeps the noise."""
     min_component_fraction: float = 0.005
     """Pieces with fewer faces than this share of the largest piece are dropped."""
+    max_crumb_faces: int = 100
+    """Pieces with so many faces are kept, however large the largest one is: turns of a coil that
+    nothing joins, a second grain."""
     fill_holes: Literal["none", "small", "all"] = "small"
     """Which holes are closed: small ones continue the surface, all makes a closed body. The faces
     that do so have the property `filled` in mesh.ply: nobody saw what they show."""

@@ -220,7 +220,8 @@ def _clean(fused: Gathered, options: SurfaceOptions) -> PointCloud:
             cloud.points, options.num_outlier_neighbors, options.max_fused_outlier_sigma
         ),
     )
-    cloud = select(cloud, _large_islands(cloud.points, 2.5 * size, options.min_component_fraction))
+    least = min(options.min_component_fraction, options.max_crumb_faces / len(cloud.points))
+    cloud = select(cloud, _large_islands(cloud.points, 2.5 * size, least))
     return smooth_along_normals(cloud, options.num_normal_neighbors // 2, 1)
 
 

@@ -25,8 +25,9 @@ from semsfm_colmap.surface.mesh.methods.task import MeshTask
 from semsfm_colmap.surface.mesh.repair import (
     compact,
     drop_degenerate,
-    drop_small_components,
+    in_large_components,
     repair,
+    worth_keeping,
 )
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Float, PointCloud, TriangleMesh
@@ -89,24 +90,24 @@ def mesh_cloud(
     raw = method.mesher()(MeshTask(cloud=cloud, spacing=b, views=views), options)
     vertices = as_stored(raw.vertices)
     normals = _nearest_normals(cloud, vertices)
-    faces = repair(
-        vertices,
-        raw.faces,
-        cloud_normals=normals,
-        oriented=raw.oriented,
-        min_component_fraction=options.min_component_fraction,
-    )
+    faces = repair(vertices, raw.faces, cloud_normals=normals, oriented=raw.oriented)
+    filled = np.zeros(len(faces), dtype=bool)
+    if options.fill_holes != "none" or options.watertight:
+        num_seen = len(faces)
+        faces = fill_holes(vertices, faces, normals, options.max_hole_edges)
+        faces = drop_degenerate(vertices, faces)
+        # what closes holes stands behind what was seen
+        filled = np.arange(len(faces)) >= num_seen
+    keep = worth_keeping(faces, options.min_component_fraction, options.max_crumb_faces)
+    faces, filled = faces[keep], filled[keep]
     if len(faces) == 0:
         raise InputError(
             f"No surface came of the point cloud by {method.name}: it is too sparse or too noisy; "
             "densify first, or try surface.method = poisson."
         )
     if options.watertight:
-        faces = drop_small_components(faces, 1.0)
-    num_seen = len(faces)
-    if options.fill_holes != "none" or options.watertight:
-        faces = fill_holes(vertices, faces, normals, options.max_hole_edges)
-        faces = drop_degenerate(vertices, faces)
+        keep = in_large_components(faces, 1.0)
+        faces, filled = faces[keep], filled[keep]
     vertices, faces, colors = compact(vertices, faces, raw.colors)
     if options.fill_holes == "all" or options.watertight:
         vertices, faces, colors = close_holes(vertices, faces, colors)
@@ -116,8 +117,7 @@ def mesh_cloud(
         faces=faces,
         vertex_normals=vertex_normals(vertices, faces),
         vertex_colors=colors,
-        # what closes holes stands behind what was seen
-        face_filled=np.arange(len(faces)) >= num_seen,
+        face_filled=np.concatenate([filled, np.ones(len(faces) - len(filled), dtype=bool)]),
     )
 
 

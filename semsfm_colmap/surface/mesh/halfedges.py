@@ -25,15 +25,20 @@ def next_in_face(halfedge: Int) -> Int:
 
 
 def opposite_halfedge(faces: Int) -> Int:
-    """The half-edge that runs the other way along the same edge, or -1: (3 F,)."""
-    num_vertices = int(faces.max(initial=0)) + 1
-    key = directed_keys(faces, num_vertices)
-    start, end = key // num_vertices, key % num_vertices
-    order = np.argsort(key)
-    wanted = end * num_vertices + start
-    position = np.minimum(np.searchsorted(key, wanted, sorter=order), len(key) - 1)
-    found = order[position] if len(key) else position
-    return np.asarray(np.where(key[found] == wanted, found, -1))
+    """The half-edge that runs the other way along the same edge, or -1: (3 F,).
+
+    The mesh is edge-manifold: an edge has two half-edges at most.
+    """
+    start = faces.astype(np.int64).reshape(-1)
+    end = np.roll(faces, -1, axis=1).astype(np.int64).reshape(-1)
+    # the two half-edges of an edge become neighbours, whichever comes first
+    edge = np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)
+    order = np.argsort(edge)
+    first, second = order[:-1], order[1:]
+    paired = (edge[first] == edge[second]) & (start[first] == end[second])
+    opposite = np.full(len(edge), -1, dtype=np.int64)
+    opposite[first[paired]], opposite[second[paired]] = second[paired], first[paired]
+    return opposite
 
 
 def num_boundary_edges(faces: Int) -> int:

@@ -125,15 +125,15 @@ def best_triangulation(polygon: Float, free: Bool | None = None) -> Int | None:
     cost = np.zeros((n, n))
     split = np.zeros((n, n), dtype=np.int64)
     for span in range(2, n):
-        for i in range(n - span):
-            j = i + span
-            if free is not None and span < n - 1 and not free[i, j]:
-                cost[i, j] = np.inf
-                continue
-            k = np.arange(i + 1, j)
-            total = cost[i, k] + cost[k, j] + triangle_cost(polygon[i], polygon[k], polygon[j])
-            best = int(np.argmin(total))
-            cost[i, j], split[i, j] = total[best], k[best]
+        i = np.arange(n - span)
+        j = i + span
+        k = i[:, None] + np.arange(1, span)
+        total = cost[i[:, None], k] + cost[k, j[:, None]]
+        total += triangle_cost(polygon[i, None], polygon[k], polygon[j, None])
+        best = np.argmin(total, axis=1)
+        cost[i, j], split[i, j] = total[i, best], k[i, best]
+        if free is not None and span < n - 1:
+            cost[i, j] = np.where(free[i, j], cost[i, j], np.inf)
     if not np.isfinite(cost[0, n - 1]):
         return None
     triangles: list[tuple[int, int, int]] = []
@@ -149,7 +149,9 @@ def best_triangulation(polygon: Float, free: Bool | None = None) -> Int | None:
 
 
 def triangle_cost(a: Float, b: Float, c: Float) -> Float:
-    """Area plus a share of the squared longest edge; b may be many points: (..., 3) -> (...)."""
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=-1)
-    edges = [np.sum((q - p) ** 2, axis=-1) for p, q in ((a, b), (b, c), (a, c))]
-    return np.asarray(area + _SLIVER_WEIGHT * np.maximum(np.maximum(edges[0], edges[1]), edges[2]))
+    """Area plus a share of the squared longest edge; shapes broadcast: (..., 3) -> (...)."""
+    u, v = b - a, c - a
+    uu, vv, uv = (np.einsum("...i,...i->...", p, q) for p, q in ((u, u), (v, v), (u, v)))
+    # |u x v|^2 = u^2 v^2 - (u . v)^2, and the third edge is v - u
+    area = 0.5 * np.sqrt(np.maximum(uu * vv - uv**2, 0.0))
+    return np.asarray(area + _SLIVER_WEIGHT * np.maximum(np.maximum(uu, vv), uu + vv - 2.0 * uv))

@@ -1,7 +1,8 @@
-"""Make a triangle soup an oriented manifold: no duplicate faces, no branching edges, few holes.
+"""Make a triangle soup an oriented manifold: no duplicate faces, no branching edges, no crumbs.
 
-The steps of `repair` in their order: drop faces without area, turn faces outside, cut where more
-than two faces meet, drop fins and crumbs, fill holes. What the words mean is in `halfedges.py`.
+`repair` drops faces without area, turns faces outside and cuts where more than two faces meet.
+What frays the surface, fins and crumbs, is dropped by `worth_keeping` once holes are filled: many a
+fin is half of what closes a hole. What the words mean is in `halfedges.py`.
 """
 
 from __future__ import annotations
@@ -15,37 +16,38 @@ from semsfm_colmap.surface.mesh.halfedges import (
     opposite_halfedge,
     vertex_fans,
 )
-from semsfm_colmap.types import Array, Float, Int
+from semsfm_colmap.types import Array, Bool, Float, Int
 
 MIN_HEIGHT = 1e-5
 """A triangle lower than this share of its longest edge has no direction: float32 holds 1e-7."""
 
 
-def repair(
-    vertices: Float,
-    faces: Int,
-    *,
-    cloud_normals: Float,
-    min_component_fraction: float,
-    oriented: bool = False,
-) -> Int:
-    """Clean faces over the same vertices: oriented, edge-manifold, without crumbs.
+def repair(vertices: Float, faces: Int, *, cloud_normals: Float, oriented: bool = False) -> Int:
+    """Clean faces over the same vertices: oriented and edge-manifold.
 
     Parameters
     ----------
     vertices : (V, 3)
     faces : (F, 3)
     cloud_normals : (V, 3) that point outside
-    min_component_fraction : of the faces of the largest component
     oriented : the faces are turned outside already, and stay as they are
 
     """
     faces = drop_degenerate(vertices, faces)
     if not oriented:
         faces = face_outside(vertices, faces, cloud_normals)
-    faces = drop_branches(vertices, faces)
-    faces = drop_fins(faces)
-    return drop_small_components(faces, min_component_fraction)
+    return drop_branches(vertices, faces)
+
+
+def worth_keeping(faces: Int, min_component_fraction: float, max_crumb_faces: int) -> Bool:
+    """Faces of an edge-manifold mesh that are neither fins nor crumbs: (F,).
+
+    Fins hang on by one edge or by vertices only. Crumbs are pieces with fewer faces than a share of
+    the largest piece has, and than `max_crumb_faces`.
+    """
+    keep = not_fins(faces)
+    keep[keep] = in_large_components(faces[keep], min_component_fraction, max_crumb_faces)
+    return keep
 
 
 def drop_degenerate(vertices: Float, faces: Int) -> Int:
@@ -81,23 +83,23 @@ def drop_branches(vertices: Float, faces: Int) -> Int:
     return faces
 
 
-def drop_fins(faces: Int, num_rounds: int = 2) -> Int:
-    """Remove faces that hang on by one edge or by vertices only, which fray the boundary."""
-    for _ in range(num_rounds):
-        free = (opposite_halfedge(faces) < 0).reshape(-1, 3).sum(axis=1)
-        if not (free >= 2).any():
-            break
-        faces = faces[free < 2]
-    return faces
+def not_fins(faces: Int) -> Bool:
+    """Faces that hang on by two edges or more: (F,)."""
+    free = (opposite_halfedge(faces) < 0).reshape(-1, 3).sum(axis=1)
+    return np.asarray(free < 2)
 
 
-def drop_small_components(faces: Int, min_fraction: float) -> Int:
-    """Remove pieces, joined over edges, with fewer faces than a share of the largest piece."""
+def in_large_components(faces: Int, min_fraction: float, max_faces: int | None = None) -> Bool:
+    """Faces of pieces, joined over edges, that are as large as a share of the largest one: (F,).
+
+    With `max_faces`, pieces of so many faces are large at any rate.
+    """
     if len(faces) == 0:
-        return faces
+        return np.zeros(0, dtype=bool)
     label = component_labels(faces)
     size = np.bincount(label)
-    return np.asarray(faces[size[label] >= min_fraction * size.max()])
+    least = min_fraction * size.max()
+    return np.asarray(size[label] >= (least if max_faces is None else min(least, max_faces)))
 
 
 def compact(vertices: Float, faces: Int, colors: Array | None) -> tuple[Float, Int, Array | None]:

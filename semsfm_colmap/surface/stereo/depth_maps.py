@@ -19,10 +19,10 @@ import numpy as np
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.background import background, uncorrelated_region
 from semsfm_colmap.surface.stereo.level import read_level
+from semsfm_colmap.surface.stereo.plane_kernels import local_planes
 from semsfm_colmap.surface.stereo.plane_sweep import sweep_depths
 from semsfm_colmap.surface.stereo.rasters import Raster, raster_reader
 from semsfm_colmap.surface.stereo.refine import refine_depths
-from semsfm_colmap.surface.stereo.refine_kernels import local_planes
 from semsfm_colmap.surface.stereo.undrag import depth_without_drag
 from semsfm_colmap.surface.stereo.views import choose_neighbors, depth_range
 from semsfm_colmap.types import Array, DepthMap, Int, ParallelMap, Reconstruction

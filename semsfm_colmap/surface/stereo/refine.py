@@ -6,11 +6,13 @@ import numpy as np
 
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.level import Level
-from semsfm_colmap.surface.stereo.refine_kernels import local_planes, slanted_step
+from semsfm_colmap.surface.stereo.plane_kernels import local_planes
+from semsfm_colmap.surface.stereo.refine_kernels import slanted_step
 from semsfm_colmap.types import Array, Int
 
 _STRIDE_PX = 2
-"""All steps but the last move every second pixel, as on a chessboard: enough for local planes."""
+"""The steps move every second pixel, as on a chessboard. Their windows overlap by more than half,
+so that the pixels between would say little of their own: they move as their neighbours do."""
 
 
 def refine_depths(
@@ -27,8 +29,7 @@ def refine_depths(
     window, window_weight = _window(options.window_radius_px)
     gradient = _epipolar_gradient(level)
     information = np.zeros_like(depth)
-    for k in range(options.num_refinements):
-        last = k == options.num_refinements - 1
+    for _ in range(options.num_refinements):
         plane = local_planes(depth, score, options.slope_radius_px, 2.5 * level.unit)
         slanted_step(
             level.grey,
@@ -44,13 +45,39 @@ def refine_depths(
             options.window_grey_share * level.contrast,
             options.visibility_spread,
             options.smoothness / level.unit**2,
-            1 if last else _STRIDE_PX,
+            _STRIDE_PX,
             depth,
             score,
             information,
         )
+    _move_between(plane[0], depth, score, information)
     with np.errstate(divide="ignore"):
         return depth, score, 1.0 / np.sqrt(information)
+
+
+def _move_between(before: Array, depth: Array, score: Array, information: Array) -> None:
+    """Depth, correlation and information of the pixels between those that moved, in place.
+
+    They move from the depth `before` of their local planes by the mean step of their four
+    neighbours, whose correlation and information they take; nan with fewer than two.
+    """
+    import cv2
+
+    y, x = np.ogrid[: depth.shape[0], : depth.shape[1]]
+    between = (x + y) % _STRIDE_PX != 0
+    moved = np.isfinite(depth) & ~between
+    cross = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], dtype=np.float32)
+
+    def around(values: Array) -> Array:
+        kept = np.where(moved, values, np.float32(0.0))
+        return cv2.filter2D(kept, -1, cross, borderType=cv2.BORDER_CONSTANT)[between]
+
+    num = around(np.ones_like(depth))
+    known = (num >= 2) & np.isfinite(before[between])
+    num[~known] = 1.0
+    depth[between] = np.where(known, before[between] + around(depth - before) / num, np.nan)
+    score[between] = np.where(known, around(score) / num, 0.0)
+    information[between] = np.where(known, around(information) / num, 0.0)
 
 
 def _window(radius: int) -> tuple[Int, Array]:

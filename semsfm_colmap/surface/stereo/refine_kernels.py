@@ -1,4 +1,4 @@
-"""Compiled kernels that sharpen a depth map: local slopes and Gauss-Newton on slanted windows."""
+"""Compiled kernel that sharpens a depth map: Gauss-Newton on slanted windows."""
 
 from __future__ import annotations
 
@@ -8,67 +8,6 @@ import numba
 import numpy as np
 
 from semsfm_colmap.types import Array
-
-
-@numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
-def local_planes(depth: Array, weight: Array, radius: int, tolerance: float) -> Array:
-    """Robust plane through the depths around each pixel.
-
-    Neighbours whose depth differs from the centre's by more than ``tolerance * distance`` belong to
-    another surface and do not count.
-
-    Returns
-    -------
-    (3, H, W) float32: fitted depth at the centre and slopes along x and y, nan without support
-
-    """
-    H, W = depth.shape
-    out = np.full((3, H, W), np.nan, dtype=np.float32)
-    for y in range(H):
-        for x in range(W):
-            z = depth[y, x]
-            if not math.isfinite(z):
-                continue
-            n = sx = sy = sz = sxx = sxy = syy = sxz = syz = 0.0
-            for dy in range(-radius, radius + 1):
-                yy = y + dy
-                if yy < 0 or yy >= H:
-                    continue
-                for dx in range(-radius, radius + 1):
-                    xx = x + dx
-                    if xx < 0 or xx >= W:
-                        continue
-                    dz = depth[yy, xx] - z
-                    w = weight[yy, xx]
-                    if not math.isfinite(dz) or w <= 0.0:
-                        continue
-                    if abs(dz) > tolerance * (1.0 + math.sqrt(float(dx * dx + dy * dy))):
-                        continue
-                    n += w
-                    sx += w * dx
-                    sy += w * dy
-                    sz += w * dz
-                    sxx += w * dx * dx
-                    sxy += w * dx * dy
-                    syy += w * dy * dy
-                    sxz += w * dx * dz
-                    syz += w * dy * dz
-            if n <= 0.0:
-                continue
-            mx, my, mz = sx / n, sy / n, sz / n
-            # a ridge of one tenth of a px squared keeps one-sided fits from tilting
-            cxx = sxx / n - mx * mx + 0.1
-            cyy = syy / n - my * my + 0.1
-            cxy = sxy / n - mx * my
-            cxz = sxz / n - mx * mz
-            cyz = syz / n - my * mz
-            det = cxx * cyy - cxy * cxy
-            p = (cyy * cxz - cxy * cyz) / det
-            q = (cxx * cyz - cxy * cxz) / det
-            out[0, y, x] = z + mz - p * mx - q * my
-            out[1, y, x] = p
-            out[2, y, x] = q
-    return out
 
 
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
@@ -105,7 +44,7 @@ def slanted_step(
     Parameters
     ----------
     reference : (H, W) float32
-    plane : (3, H, W) from `local_planes`
+    plane : (3, H, W) from `plane_kernels.local_planes`
     views : (V, H', W', 2) float32, grey and its change with depth
     view_usable : (V, H', W') uint8
     B, c, e : the maps of `AffineSweep`

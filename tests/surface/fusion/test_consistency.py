@@ -8,7 +8,7 @@ import pytest
 from semsfm_colmap.surface.depth_geometry import camera_normals
 from semsfm_colmap.surface.fusion.consistency import Votes, vote
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.surface.stereo.refine_kernels import local_planes
+from semsfm_colmap.surface.stereo.plane_kernels import local_planes
 from semsfm_colmap.types import DepthMap
 from tests.surface.scene import (
     HEIGHT,

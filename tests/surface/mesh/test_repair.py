@@ -8,10 +8,11 @@ from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
 from semsfm_colmap.surface.mesh.repair import (
     drop_branches,
     drop_degenerate,
-    drop_fins,
-    drop_small_components,
     face_outside,
+    in_large_components,
+    not_fins,
     repair,
+    worth_keeping,
 )
 from tests.oracles.surface import is_edge_manifold
 from tests.surface.mesh.sheets import grid, up
@@ -31,12 +32,22 @@ def test_of_three_faces_on_an_edge_the_one_with_the_longest_edge_goes() -> None:
 
 def test_small_pieces_go_and_fins_go() -> None:
     faces = grid(5)[1]
-    crumb = np.array([[25, 26, 27]])
-    both = np.concatenate([faces, crumb])
-    np.testing.assert_array_equal(drop_small_components(both, 0.1), faces)
+    crumb = np.array([[26, 27, 28], [26, 28, 29], [27, 26, 30], [28, 27, 31]])
     fin = np.array([[1, 0, 25]])
-    trimmed = drop_fins(np.concatenate([faces, fin]), num_rounds=1)
-    assert 25 not in trimmed
+    soup = np.concatenate([faces, fin, crumb])
+    keep = worth_keeping(soup, 0.2, 100)
+    assert not keep[len(faces) :].any()
+    # the other corners of the sheet hang on by one edge too
+    assert keep.sum() == len(faces) - 1
+    assert not_fins(soup)[len(faces) + 1 :].sum() == 1
+
+
+def test_pieces_of_enough_faces_stay_beside_one_of_any_size() -> None:
+    large, small = grid(40)[1], grid(5)[1]
+    both = np.concatenate([large, small + large.max() + 1])
+    assert in_large_components(both, 0.1).sum() == len(large)
+    assert in_large_components(both, 0.1, len(small)).all()
+    assert in_large_components(both, 0.1, len(small) + 1).sum() == len(large)
 
 
 def test_repair_makes_a_soup_of_faces_an_oriented_manifold() -> None:
@@ -44,7 +55,7 @@ def test_repair_makes_a_soup_of_faces_an_oriented_manifold() -> None:
     rng = np.random.default_rng(0)
     flipped = np.where(rng.random(len(faces))[:, None] < 0.5, faces[:, ::-1], faces)
     soup = np.concatenate([flipped, flipped[:5], [[0, 0, 1], [9, 10, 60]]])
-    mended = repair(vertices, soup, cloud_normals=up(vertices), min_component_fraction=0.1)
+    mended = repair(vertices, soup, cloud_normals=up(vertices))
     assert is_edge_manifold(mended)
     assert face_normals(vertices, mended)[:, 2].min() > 0
     np.testing.assert_allclose(vertex_normals(vertices, mended)[27], [0, 0, 1])
@@ -59,5 +70,5 @@ def test_turning_faces_outside_is_a_matter_of_their_vertices_normals() -> None:
 def test_an_empty_mesh_passes_through_repair() -> None:
     empty = np.zeros((0, 3), dtype=np.int64)
     vertices = grid(3)[0]
-    mended = repair(vertices, empty, cloud_normals=up(vertices), min_component_fraction=0.1)
+    mended = repair(vertices, empty, cloud_normals=up(vertices))
     assert mended.shape == (0, 3)
