@@ -21,6 +21,7 @@ from semsfm_colmap.surface.fusion.fuse import fuse
 from semsfm_colmap.surface.mesh.from_cloud import mesh_cloud
 from semsfm_colmap.surface.mesh.halfedges import component_labels, num_boundary_edges
 from semsfm_colmap.surface.mesh.measure import measure
+from semsfm_colmap.surface.mesh.vertex_sigma import with_vertex_sigma
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import (
     DepthMap,
@@ -107,10 +108,11 @@ def mesh(
 ) -> Solution[TriangleMesh]:
     """Mesh a cloud; a cloud that gives no surface is a failed solution, not an error.
 
-    ``diagnostics`` counts vertices, faces, connected pieces and boundary edges.
+    Vertices have the error bars of the cloud, if it has any. ``diagnostics`` counts vertices,
+    faces, connected pieces and boundary edges.
     """
     try:
-        surface = mesh_cloud(cloud, options, views)
+        surface = with_vertex_sigma(mesh_cloud(cloud, options, views), cloud)
     except InputError as error:
         return Solution(value=None, status="no surface", message=str(error))
     return Solution(

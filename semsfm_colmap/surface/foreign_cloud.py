@@ -18,7 +18,7 @@ import numpy as np
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.normals import estimate_normals, statistical_inliers
 from semsfm_colmap.surface.depth_view import DepthView, seen_by
-from semsfm_colmap.surface.fusion.cloud import MIN_CLOUD_POINTS, select, thin
+from semsfm_colmap.surface.fusion.cloud import MIN_CLOUD_POINTS, thin
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Array, Bool, Float, Int, PointCloud
 
@@ -71,7 +71,7 @@ def orient_cloud(
         length = np.linalg.norm(cloud.normals, axis=1)
         keep &= np.isfinite(length) & (length > 0)
         if keep.any():
-            cloud = select(cloud, keep)
+            cloud = cloud.select(keep)
             assert cloud.normals is not None
             unit = cloud.normals / np.linalg.norm(cloud.normals, axis=1, keepdims=True)
             return replace(cloud, normals=unit)
@@ -132,9 +132,8 @@ def cloud_of_views(views: Sequence[DepthView], options: SurfaceOptions) -> Point
         else None,
     )
     cloud = thin(cloud, options.spacing_px * float(np.median(sizes)))
-    return select(
-        cloud,
-        statistical_inliers(cloud.points, options.num_outlier_neighbors, options.max_outlier_sigma),
+    return cloud.select(
+        statistical_inliers(cloud.points, options.num_outlier_neighbors, options.max_outlier_sigma)
     )
 
 

@@ -25,7 +25,6 @@ def run(on: StageRun) -> MeshRecord:
     from semsfm_colmap.segmentation.files import select_part
     from semsfm_colmap.surface import build
     from semsfm_colmap.surface.files import project_views, write_textured
-    from semsfm_colmap.surface.mesh.vertex_sigma import with_vertex_sigma
     from semsfm_colmap.surface.texture.atlas import texture_mesh
 
     project, options = on.project, on.config.surface
@@ -41,7 +40,7 @@ def run(on: StageRun) -> MeshRecord:
         raise InputError(
             f"no surface could be made from the {len(cloud.points)} points: {solution.message}"
         )
-    surface = with_vertex_sigma(solution.value, cloud)
+    surface = solution.value
     project.mesh.mkdir(exist_ok=True)
     write_ply(project.mesh / "mesh.ply", surface)
     notes: tuple[str, ...] = () if part == ALL else (f"the mesh is of the part {part} alone",)

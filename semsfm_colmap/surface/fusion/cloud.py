@@ -56,16 +56,6 @@ def sparse_cloud(reconstruction: Reconstruction, options: SurfaceOptions) -> Poi
     )
 
 
-def select(cloud: PointCloud, keep: Array) -> PointCloud:
-    """The points of a mask or an index array."""
-    return PointCloud(
-        points=cloud.points[keep],
-        normals=None if cloud.normals is None else cloud.normals[keep],
-        colors=None if cloud.colors is None else cloud.colors[keep],
-        sigma=None if cloud.sigma is None else cloud.sigma[keep],
-    )
-
-
 def voxel_groups(points: Float, size: float) -> tuple[Int, int]:
     """The occupied cell of each point on a grid: (N,) cell numbers from 0, and their count."""
     cell = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
