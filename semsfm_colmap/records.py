@@ -397,6 +397,8 @@ class ForeignMeshRecord:
     model_path: str
     source: str
     """fused.ply, depth maps or sparse points"""
+    sigma: str
+    """what the error bars of the vertices hold, or why there are none"""
     num_points: int
     mesh: MeshRecord
 

@@ -26,7 +26,7 @@ from semsfm_colmap.types import PointCloud
 if TYPE_CHECKING:
     from semsfm_colmap.colmap.model.any_model import AnyModel
     from semsfm_colmap.surface.depth_view import DepthView
-    from semsfm_colmap.types import Reconstruction
+    from semsfm_colmap.types import Float, Reconstruction
 
 FOLDER = "mesh_semsfm"
 """Default name of the result in the COLMAP folder."""
@@ -34,6 +34,12 @@ MIN_STEREO_IMAGES = 3
 """Two parallel views do not fix a shape."""
 RECORD = "mesh.json"
 """Marks a result of ours, which may be replaced."""
+SIGMA_OF_CLOUD = "as in fused.ply"
+SIGMA_OF_MAPS = "a lower bound: the spread of the depth maps that agree"
+SIGMA_OF_STEREO = "as of `semsfm densify`"
+SIGMA_OF_STEREO_ALONE = "as of `semsfm densify`, without the cameras' part: the model tells none"
+SIGMA_OF_POINTS = "a lower bound: that of the triangulation, the cameras exact"
+NO_SIGMA = "none: fused.ply tells of no errors, and no depth maps lie beside it"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,6 +47,8 @@ class Source:
     """The cloud that is meshed, where it came from, and depth maps of the same surface."""
 
     kind: str
+    sigma: str
+    """What the cloud's sigma holds"""
     cloud: PointCloud
     views: Sequence[DepthView] = ()
     notes: tuple[str, ...] = ()
@@ -91,6 +99,7 @@ def mesh_colmap(
         reporter.detail(f"{other} is another component: --sparse_path meshes it")
     source = read_source(workspace, options, reporter)
     reporter.say(f"{workspace.model_path}: {len(source.cloud.points)} points, {source.kind}")
+    reporter.say(f"sigma of the vertices: {source.sigma}")
     solution = mesh(source.cloud, options, source.views)
     if solution.value is None:
         raise InputError(f"{workspace.model_path}: {solution.message}")
@@ -98,6 +107,7 @@ def mesh_colmap(
     record = ForeignMeshRecord(
         model_path=str(workspace.model_path),
         source=source.kind,
+        sigma=source.sigma,
         num_points=len(source.cloud.points),
         mesh=surface,
     )
@@ -129,29 +139,29 @@ def check_target(target: Path) -> None:
 def read_source(workspace: Workspace, options: SurfaceOptions, reporter: Reporter) -> Source:
     """The best cloud that the folder gives."""
     from semsfm_colmap.colmap.model.any_model import read_any_model
+    from semsfm_colmap.colmap.model.point_covariance import point_covariances
     from semsfm_colmap.geometry.normals import mean_direction_from
-    from semsfm_colmap.io.ply import read_ply_cloud
-    from semsfm_colmap.surface.foreign_cloud import cloud_of_views, orient_cloud, viewed_cloud
+    from semsfm_colmap.surface.foreign_cloud import cloud_of_views, viewed_cloud
 
     model = read_any_model(workspace.model_path, workspace.image_path)
     directions = mean_direction_from(
         model.centres, model.points, model.observation_image, model.observation_point
     )
     seen = np.linalg.norm(directions, axis=1) > 0
-    if workspace.fused_path is not None:
-        cloud = orient_cloud(
-            read_ply_cloud(workspace.fused_path), model.points[seen], directions[seen], options
-        )
-        return Source(kind="fused.ply", cloud=cloud, views=depth_views(workspace, options)[0])
     views, notes = depth_views(workspace, options)
+    if workspace.fused_path is not None:
+        return fused_source(
+            workspace.fused_path, model.points[seen], directions[seen], views, options
+        )
     if len(views) >= 2:
         return Source(
             kind=f"{len(views)} depth maps",
+            sigma=SIGMA_OF_MAPS,
             cloud=cloud_of_views(views, options),
             views=views,
             notes=notes,
         )
-    own = parallel_source(workspace, options, reporter)
+    own, own_notes = parallel_source(workspace, options, reporter)
     if own is not None:
         return own
     two_views = model.num_images == 2
@@ -166,9 +176,42 @@ def read_source(workspace: Workspace, options: SurfaceOptions, reporter: Reporte
         notes = (*notes, "two images: what they see is not checked by a third one")
     return Source(
         kind="sparse points",
-        cloud=viewed_cloud(model.points[keep], directions[keep], model.colors[keep], options),
-        notes=notes,
+        sigma=SIGMA_OF_POINTS,
+        cloud=viewed_cloud(
+            model.points[keep],
+            directions[keep],
+            model.colors[keep],
+            options,
+            point_covariances(model)[keep],
+        ),
+        notes=(*notes, *own_notes),
     )
+
+
+def fused_source(
+    path: Path,
+    points: Float,
+    directions: Float,
+    views: Sequence[DepthView],
+    options: SurfaceOptions,
+) -> Source:
+    """A fused cloud, with normals and error bars as far as they can be had.
+
+    Parameters
+    ----------
+    points, directions : (S, 3) sparse points and where they were seen from
+    views : depth maps beside it
+
+    """
+    from semsfm_colmap.io.ply import read_ply_cloud
+    from semsfm_colmap.surface.foreign_cloud import orient_cloud, with_spread
+
+    cloud = orient_cloud(read_ply_cloud(path), points, directions, options)
+    sigma = SIGMA_OF_CLOUD
+    if cloud.sigma is None:
+        cloud = with_spread(cloud, views, options)
+        sigma = NO_SIGMA if cloud.sigma is None else SIGMA_OF_MAPS
+    return Source(kind="fused.ply", sigma=sigma, cloud=cloud, views=views)
 
 
 def depth_views(
@@ -238,8 +281,11 @@ def parallel_model(workspace: Workspace) -> Reconstruction | None:
 
 def parallel_source(
     workspace: Workspace, options: SurfaceOptions, reporter: Reporter
-) -> Source | None:
-    """Depth maps of our own where the projection is parallel and all the images are there."""
+) -> tuple[Source | None, tuple[str, ...]]:
+    """Depth maps of our own where the projection is parallel and all the images are there.
+
+    Where there are none, or they agree on too little, there is no source, and what is to be said.
+    """
     from semsfm_colmap.pipeline.executor import ThreadExecutor
     from semsfm_colmap.surface.build import fuse_depth_maps
     from semsfm_colmap.surface.depth_view import parallel_view
@@ -249,9 +295,9 @@ def parallel_source(
     images = workspace.image_path
     model = parallel_model(workspace)
     if model is None or model.num_images < MIN_STEREO_IMAGES or images is None:
-        return None
+        return None, ()
     if not all((images / name).is_file() for name in model.image_names):
-        return None
+        return None, ()
     masks = workspace.path / MASKS_FOLDER
     references = choose_references(
         model.cameras, options.max_num_depth_maps, np.radians(options.min_reference_angle_deg)
@@ -271,8 +317,9 @@ def parallel_source(
             maps.append(depth_map)
             progress(len(maps), len(references))
     fused = fuse_depth_maps(maps, model, images, options, parallel_map=executor.map)
-    if fused.value is None:
-        return None
+    notes = (fused.message,) if fused.message else ()
+    if fused.value is None or fused.status == "sparse":
+        return None, notes
     number = {name: i for i, name in enumerate(model.image_names)}
     views = [
         parallel_view(
@@ -280,9 +327,11 @@ def parallel_source(
         )
         for m in maps
     ]
-    return Source(
-        kind="sparse points" if fused.status == "sparse" else f"{len(maps)} depth maps of our own",
+    source = Source(
+        kind=f"{len(maps)} depth maps of our own",
+        sigma=SIGMA_OF_STEREO_ALONE if model.point_covariance is None else SIGMA_OF_STEREO,
         cloud=fused.value,
-        views=() if fused.status == "sparse" else views,
-        notes=(fused.message,) if fused.message else (),
+        views=views,
+        notes=notes,
     )
+    return source, notes
