@@ -401,6 +401,8 @@ class ForeignMeshRecord:
     """what the error bars of the vertices hold, or why there are none"""
     num_points: int
     mesh: MeshRecord
+    world_unit: str = ""
+    """um where the model says so; empty: nothing is known of it"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from semsfm_colmap.cli.main import main
 from semsfm_colmap.colmap.dense_map import write_map
@@ -293,10 +294,15 @@ def test_a_parallel_model_with_its_images_gets_depth_maps(small_project, tmp_pat
     shutil.copytree(small_project / "images", tmp_path / "images")
     record = mesh_colmap(tmp_path)
     assert "depth maps of our own" in record.source
+    assert "without the cameras' part" in record.sigma
+    assert any("depth-reversed twin" in note for note in record.mesh.notes)
+    textured = trimesh.load(tmp_path / "mesh_semsfm/mesh.glb", force="mesh")
+    assert textured.visual.material.baseColorTexture is not None
     assert_sound_file(tmp_path / "mesh_semsfm/mesh.ply")
     (tmp_path / "images").rename(tmp_path / "elsewhere")
     sparse = mesh_colmap(tmp_path)
     assert sparse.source == "sparse points"
+    assert not (tmp_path / "mesh_semsfm/mesh.glb").exists()
     assert record.num_points > 3 * sparse.num_points
 
 
