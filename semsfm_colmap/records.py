@@ -380,6 +380,8 @@ class MeshRecord(StageRecord):
     num_components: int | None = None
     num_boundary_edges: int | None = None
     """of holes and rims; 0: a closed surface"""
+    num_crossing_faces: int | None = None
+    """of a closed surface: faces that pass through others where holes were closed"""
     area: float | None = None
     """world units squared"""
     volume: float | None = None

@@ -16,6 +16,8 @@ from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.scene import ExportScene, Summary
 from semsfm_colmap.io.ply import read_ply_mesh
+from semsfm_colmap.surface.mesh.crossings import crossing_faces, crossing_sentence
+from semsfm_colmap.types import TriangleMesh
 
 FILE_TYPES = ("stl", "3mf")
 MM_PER_UM = 1e-3
@@ -43,10 +45,14 @@ def print_mesh(
     """``mesh.<file type>`` of a mesh.ply in a world of some unit, empty where it is not known."""
     if not (np.isfinite(options.scale_factor) and options.scale_factor > 0):
         raise UsageError(f"scale_factor = {options.scale_factor:g}: it must be positive")
-    mesh = printable(mesh_path, options.scale_factor)
+    surface = _read(mesh_path)
+    mesh = printable(surface, options.scale_factor)
     data = mesh.export(file_type=file_type)
     (folder / f"mesh.{file_type}").write_bytes(data)
+    num_crossing = len(crossing_faces(surface)) if mesh.is_watertight else 0
     notes = [] if mesh.is_watertight else [NOT_CLOSED]
+    if num_crossing:
+        notes.append(crossing_sentence(num_crossing))
     if unit != "um":
         counted = "pixels" if unit == "px" else "units of the model"
         notes.append(f"how large the specimen is is not known: the scale factor counts {counted}")
@@ -61,13 +67,16 @@ def print_mesh(
     }
 
 
-def printable(path: Path, scale_factor: float) -> Any:
+def _read(path: Path) -> TriangleMesh:
+    if not path.is_file():
+        raise InputError(f"{path} is missing: run `semsfm mesh` first")
+    return read_ply_mesh(path)
+
+
+def printable(mesh: TriangleMesh, scale_factor: float) -> Any:
     """The mesh in millimetres (`trimesh.Trimesh`), the lowest corner of its box at the origin."""
     import trimesh
 
-    if not path.is_file():
-        raise InputError(f"{path} is missing: run `semsfm mesh` first")
-    mesh = read_ply_mesh(path)
     vertices = mesh.vertices * (MM_PER_UM * scale_factor)
     return trimesh.Trimesh(
         vertices=vertices - vertices.min(axis=0), faces=mesh.faces, process=False, validate=False
