@@ -42,12 +42,7 @@ from semsfm_colmap.io.ply import read_ply_mesh
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.surface.files import DepthMapFolder
 from semsfm_colmap.surface.fusion import fuse as fusing
-from semsfm_colmap.surface.fusion.cloud import (
-    dominant_layer,
-    select,
-    smooth_along_normals,
-    thin,
-)
+from semsfm_colmap.surface.fusion.cloud import dominant_layer, smooth_along_normals, thin
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Array, Bool, DepthMap, Float, PointCloud, Reconstruction
 from semsfm_colmap.types import TriangleMesh as Mesh
@@ -203,11 +198,11 @@ def steps(
     """The step that loses each point, as a number of `STEPS`, and its distance to the mesh."""
     any_depth, right = maps_at(case, maps, reconstruction)
     fused = fusing.gathered(maps, reconstruction, image_path, options)
-    layer = select(fused.cloud, dominant_layer(fused.cloud, fused.weight, fused.spacing))
+    layer = fused.cloud.select(dominant_layer(fused.cloud, fused.weight, fused.spacing))
     inlier = statistical_inliers(
         layer.points, options.num_outlier_neighbors, options.max_fused_outlier_sigma
     )
-    stray = select(layer, inlier)
+    stray = layer.select(inlier)
     final = fusing.fuse(maps, reconstruction, image_path, options)
     thinned = thin(final, options.thinning_factor * sampling_distance(final.points))
     thinned = smooth_along_normals(

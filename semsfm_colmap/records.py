@@ -380,6 +380,8 @@ class MeshRecord(StageRecord):
     num_components: int | None = None
     num_boundary_edges: int | None = None
     """of holes and rims; 0: a closed surface"""
+    num_crossing_faces: int | None = None
+    """of a closed surface: faces that pass through others where holes were closed"""
     area: float | None = None
     """world units squared"""
     volume: float | None = None
@@ -397,8 +399,12 @@ class ForeignMeshRecord:
     model_path: str
     source: str
     """fused.ply, depth maps or sparse points"""
+    sigma: str
+    """what the error bars of the vertices hold, or why there are none"""
     num_points: int
     mesh: MeshRecord
+    world_unit: str = ""
+    """um where the model says so; empty: nothing is known of it"""
 
 
 @dataclass(frozen=True, kw_only=True)

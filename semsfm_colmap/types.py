@@ -365,6 +365,15 @@ class PointCloud(_Frozen):
     sigma: Array | None = None
     """(N,) standard deviation in world units"""
 
+    def select(self, keep: Array) -> PointCloud:
+        """The points of a mask or an index array."""
+        return PointCloud(
+            points=self.points[keep],
+            normals=None if self.normals is None else self.normals[keep],
+            colors=None if self.colors is None else self.colors[keep],
+            sigma=None if self.sigma is None else self.sigma[keep],
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TriangleMesh(_Frozen):

@@ -30,7 +30,7 @@ class Arguments:
     """Arguments of the command."""
 
     project_path: tyro.conf.Positional[Path]
-    """The project folder."""
+    """The project folder; for stl and 3mf also the folder of a mesh of a COLMAP folder."""
     to: Format
     output_path: Path | None = None
     """Folder to write; default: PROJECT/export/FORMAT."""
@@ -58,12 +58,12 @@ def main(arguments: Sequence[str]) -> None:
 
 def sentence(target: Path, summary: dict[str, Any]) -> str:
     """What was written, in a line."""
+    if "size_mm" in summary:
+        size = " x ".join(f"{length:.3g}" for length in summary["size_mm"])
+        return f"{target}: {summary['num_faces']} faces, {size} mm"
     text = f"{target}: {summary['num_images']} images, {summary['num_points']} points"
     if "num_depth_maps" in summary:
         text += f", {summary['num_depth_maps']} depth maps"
-    if "size_mm" in summary:
-        size = " x ".join(f"{length:.3g}" for length in summary["size_mm"])
-        text = f"{target}: {summary['num_faces']} faces, {size} mm"
     if "focal_length_px" in summary:
         text += (
             f"; f = {summary['focal_length_px']:.3g} px, {summary['focal_factor']:.0f} image sides"

@@ -83,5 +83,5 @@ def mesh_folder(arguments: Sequence[str], name: str = "mesh") -> None:
         options=parsed.surface,
         reporter=reporter,
     )
-    for line in mesh_lines(record.mesh):
+    for line in mesh_lines(record.mesh, record.world_unit):
         reporter.say(line)

@@ -1,7 +1,8 @@
-"""The mesh of a project as a printer takes it: in millimetres, to scale.
+"""A mesh as a printer takes it: in millimetres, to scale.
 
 A specimen of some micrometres is printed enlarged: ``X_mm = scale_factor * X_um / 1000``. In a
-world of pixels, for series whose pixel size nobody knows, ``X_mm = scale_factor * X_px / 1000``.
+world of other units, for series whose pixel size nobody knows and for models of others, the unit
+takes the place of the micrometre.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.scene import ExportScene, Summary
 from semsfm_colmap.io.ply import read_ply_mesh
+from semsfm_colmap.surface.mesh.crossings import crossing_faces, crossing_sentence
+from semsfm_colmap.types import TriangleMesh
 
+FILE_TYPES = ("stl", "3mf")
 MM_PER_UM = 1e-3
 NOT_CLOSED = (
     "the mesh has holes, which printers refuse or close on their own: make it with "
@@ -26,18 +30,33 @@ NOT_CLOSED = (
 def write_printable(
     scene: ExportScene, folder: Path, options: FormatOptions, file_type: str
 ) -> Summary:
-    """``mesh.<file type>``; says how large it is and whether it is closed."""
+    """``mesh.<file type>`` of a project; says how large it is and whether it is closed."""
+    if scene.mesh_path is None:
+        raise InputError("the mesh is missing: only model 0 has one")
+    summary = print_mesh(
+        scene.mesh_path, folder, options, file_type, scene.reconstruction.world_unit
+    )
+    return {"num_images": len(scene.names), **summary}
+
+
+def print_mesh(
+    mesh_path: Path, folder: Path, options: FormatOptions, file_type: str, unit: str
+) -> Summary:
+    """``mesh.<file type>`` of a mesh.ply in a world of some unit, empty where it is not known."""
     if not (np.isfinite(options.scale_factor) and options.scale_factor > 0):
         raise UsageError(f"scale_factor = {options.scale_factor:g}: it must be positive")
-    mesh = printable(scene, options)
+    surface = _read(mesh_path)
+    mesh = printable(surface, options.scale_factor)
     data = mesh.export(file_type=file_type)
     (folder / f"mesh.{file_type}").write_bytes(data)
-    unit = scene.reconstruction.world_unit
+    num_crossing = len(crossing_faces(surface)) if mesh.is_watertight else 0
     notes = [] if mesh.is_watertight else [NOT_CLOSED]
+    if num_crossing:
+        notes.append(crossing_sentence(num_crossing))
     if unit != "um":
-        notes.append("the pixel size is not known: the scale factor counts pixels")
+        counted = "pixels" if unit == "px" else "units of the model"
+        notes.append(f"how large the specimen is is not known: the scale factor counts {counted}")
     return {
-        "num_images": len(scene.names),
         "num_points": len(mesh.vertices),
         "num_faces": len(mesh.faces),
         "watertight": bool(mesh.is_watertight),
@@ -48,17 +67,17 @@ def write_printable(
     }
 
 
-def printable(scene: ExportScene, options: FormatOptions) -> Any:
+def _read(path: Path) -> TriangleMesh:
+    if not path.is_file():
+        raise InputError(f"{path} is missing: run `semsfm mesh` first")
+    return read_ply_mesh(path)
+
+
+def printable(mesh: TriangleMesh, scale_factor: float) -> Any:
     """The mesh in millimetres (`trimesh.Trimesh`), the lowest corner of its box at the origin."""
     import trimesh
 
-    path = scene.mesh_path
-    if path is None or not path.is_file():
-        raise InputError(
-            f"{path or 'the mesh'} is missing: run `semsfm mesh` first (only model 0 has one)"
-        )
-    mesh = read_ply_mesh(path)
-    vertices = mesh.vertices * (MM_PER_UM * options.scale_factor)
+    vertices = mesh.vertices * (MM_PER_UM * scale_factor)
     return trimesh.Trimesh(
         vertices=vertices - vertices.min(axis=0), faces=mesh.faces, process=False, validate=False
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.exports.names import check_names
 from semsfm_colmap.exports.options import FormatOptions
+from semsfm_colmap.exports.printing import FILE_TYPES, print_mesh
 from semsfm_colmap.exports.registry import find_format
 from semsfm_colmap.exports.scene import ExportScene, Summary
 from semsfm_colmap.io.atomic import folder_aside
@@ -40,9 +41,37 @@ def export_scene(
             _write_names(scene, aside / "names.csv")
             if not chosen.copies_images:
                 scene.copy_images(aside / "images")
-        text = json.dumps(summary, indent=1, default=float)
-        (aside / STATEMENT).write_text(text + "\n", encoding="utf-8")
+        _state(summary, aside)
     return summary
+
+
+def export_mesh(
+    mesh_path: Path, format_name: str, output_path: Path, options: FormatOptions, unit: str
+) -> Summary:
+    """Write a mesh.ply that no project belongs to for printing; otherwise as `export_scene`.
+
+    Parameters
+    ----------
+    unit : of its world, empty where it is not known
+
+    """
+    find_format(format_name)
+    if format_name not in FILE_TYPES:
+        raise UsageError(
+            f"{mesh_path.parent} is the mesh of a COLMAP folder, not a project: it is exported to "
+            f"{' or '.join(FILE_TYPES)}"
+        )
+    check_place(output_path)
+    with folder_aside(output_path) as aside:
+        printed = print_mesh(mesh_path, aside, options, format_name, unit)
+        summary = {"format": format_name, **printed}
+        _state(summary, aside)
+    return summary
+
+
+def _state(summary: Summary, folder: Path) -> None:
+    text = json.dumps(summary, indent=1, default=float)
+    (folder / STATEMENT).write_text(text + "\n", encoding="utf-8")
 
 
 def check_place(output_path: Path) -> None:

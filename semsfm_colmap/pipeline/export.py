@@ -1,4 +1,4 @@
-"""Exporting a project's model, with its depth maps, to other programs."""
+"""Exporting a project's model with its depth maps, or a COLMAP folder's mesh, to other programs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.registry import find_format
 from semsfm_colmap.exports.scene import Summary, read_scene
-from semsfm_colmap.exports.write import export_scene
+from semsfm_colmap.exports.write import export_mesh, export_scene
+from semsfm_colmap.pipeline.foreign.mesh_colmap import RECORD, read_record
 from semsfm_colmap.pipeline.project import Project
 
 
@@ -24,7 +25,7 @@ def export_project(
 
     Parameters
     ----------
-    project_path : the project folder
+    project_path : the project folder; for printing also what `semsfm mesh --colmap_path` wrote
     format_name : one of `semsfm_colmap.exports.registry.FORMATS`
     output_path : default PROJECT/export/<format>
     model : number of the model below sparse/
@@ -41,6 +42,10 @@ def export_project(
     model_path = project.sparse / str(model)
     if not project.path.is_dir():
         raise UsageError(f"{project.path} is not a folder: give a project folder")
+    if (project.path / RECORD).is_file():
+        target = project.path / "export" / format_name if output_path is None else output_path
+        unit = read_record(project.path).get("world_unit", "")
+        return export_mesh(project.path / "mesh.ply", format_name, Path(target), options, unit)
     if not model_path.is_dir():
         raise InputError(f"{model_path} does not exist: run `semsfm map` first")
     target = project.path / "export" / format_name if output_path is None else Path(output_path)

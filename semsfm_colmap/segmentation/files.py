@@ -78,10 +78,4 @@ def select_part(cloud: PointCloud, folder: Path, name: str) -> PointCloud:
             f"{folder / CLOUD_FILE} labels another cloud than dense/fused.ply: run "
             f"`semsfm segment {folder.parent}` again"
         )
-    keep = file.vertices[LABEL] == parts[name]
-    return PointCloud(
-        points=cloud.points[keep],
-        normals=None if cloud.normals is None else cloud.normals[keep],
-        colors=None if cloud.colors is None else cloud.colors[keep],
-        sigma=None if cloud.sigma is None else cloud.sigma[keep],
-    )
+    return cloud.select(file.vertices[LABEL] == parts[name])

@@ -18,9 +18,11 @@ from semsfm_colmap.records import MeshRecord
 from semsfm_colmap.surface.depth_view import DepthView
 from semsfm_colmap.surface.fusion.cloud import sparse_cloud
 from semsfm_colmap.surface.fusion.fuse import fuse
+from semsfm_colmap.surface.mesh.crossings import crossing_faces, crossing_sentence
 from semsfm_colmap.surface.mesh.from_cloud import mesh_cloud
 from semsfm_colmap.surface.mesh.halfedges import component_labels, num_boundary_edges
 from semsfm_colmap.surface.mesh.measure import measure
+from semsfm_colmap.surface.mesh.vertex_sigma import with_vertex_sigma
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import (
     DepthMap,
@@ -107,10 +109,11 @@ def mesh(
 ) -> Solution[TriangleMesh]:
     """Mesh a cloud; a cloud that gives no surface is a failed solution, not an error.
 
-    ``diagnostics`` counts vertices, faces, connected pieces and boundary edges.
+    Vertices have the error bars of the cloud, if it has any. ``diagnostics`` counts vertices,
+    faces, connected pieces and boundary edges.
     """
     try:
-        surface = mesh_cloud(cloud, options, views)
+        surface = with_vertex_sigma(mesh_cloud(cloud, options, views), cloud)
     except InputError as error:
         return Solution(value=None, status="no surface", message=str(error))
     return Solution(
@@ -128,13 +131,15 @@ def mesh_record(surface: TriangleMesh, method: str, notes: tuple[str, ...] = ())
     """What is noted of a mesh: its size, its soundness, area, volume and those of its hull."""
     size = measure(surface)
     extent = surface.vertices.max(axis=0) - surface.vertices.min(axis=0)
+    num_boundary = num_boundary_edges(surface.faces)
     return MeshRecord(
         num_vertices=len(surface.vertices),
         num_faces=len(surface.faces),
         extent=tuple(extent.tolist()),
         method=method,
         num_components=int(component_labels(surface.faces).max()) + 1,
-        num_boundary_edges=num_boundary_edges(surface.faces),
+        num_boundary_edges=num_boundary,
+        num_crossing_faces=None if num_boundary else len(crossing_faces(surface)),
         area=size.area,
         volume=size.volume,
         hull_area=size.hull_area,
@@ -168,4 +173,7 @@ def mesh_lines(record: MeshRecord, unit: str = "") -> list[str]:
             f"convex hull: volume {record.hull_volume:.4g}{space and space + '^3'}, "
             f"area {record.hull_area:.4g}{space and space + '^2'}"
         )
-    return [*lines, ", ".join(sizes)]
+    lines.append(", ".join(sizes))
+    if record.num_crossing_faces:
+        lines.append(crossing_sentence(record.num_crossing_faces))
+    return lines

@@ -6,6 +6,9 @@ The side of a normal comes from visibility: a point that was seen along d has a 
 Depth maps of patch-match stereo agree or do not; a pixel counts when some other maps have the
 surface within a tolerance of its point. The tolerance is in px of the map, since what a map can
 tell is proportional to the size of its pixels there, under any projection.
+
+Error bars are what the source tells: for sparse points the covariance of the triangulation, for
+depth maps the spread of those that agree (`with_spread`).
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ import numpy as np
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.normals import estimate_normals, statistical_inliers
 from semsfm_colmap.surface.depth_view import DepthView, seen_by
-from semsfm_colmap.surface.fusion.cloud import MIN_CLOUD_POINTS, select, thin
+from semsfm_colmap.surface.fusion.cloud import MIN_CLOUD_POINTS, deviation_along, thin
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Array, Bool, Float, Int, PointCloud
 
@@ -26,8 +29,16 @@ MIN_CONSISTENT_SHARE = 0.5
 """Where there are few maps, no more than this share of the others has to agree."""
 
 
+MAX_SLANT_DEG = 75.0
+"""Maps that see the surface more slanted have no say in its error bars."""
+
+
 def viewed_cloud(
-    points: Float, directions: Float, colors: Array | None, options: SurfaceOptions
+    points: Float,
+    directions: Float,
+    colors: Array | None,
+    options: SurfaceOptions,
+    covariance: Float | None = None,
 ) -> PointCloud:
     """Points with normals toward their viewers, without stray ones.
 
@@ -36,6 +47,7 @@ def viewed_cloud(
     points : (N, 3)
     directions : (N, 3) from the viewers into the scene
     colors : (N, 3) uint8 or None
+    covariance : (N, 3, 3), from which ``sigma`` along the normals is made
 
     """
     keep: Bool = np.asarray(np.isfinite(points).all(axis=1))
@@ -48,10 +60,12 @@ def viewed_cloud(
     rows = rows[
         statistical_inliers(points[rows], options.num_outlier_neighbors, options.max_outlier_sigma)
     ]
+    normals = estimate_normals(points[rows], directions[rows], options.num_normal_neighbors)
     return PointCloud(
         points=points[rows],
-        normals=estimate_normals(points[rows], directions[rows], options.num_normal_neighbors),
+        normals=normals,
         colors=None if colors is None else colors[rows],
+        sigma=None if covariance is None else deviation_along(normals, covariance[rows]),
     )
 
 
@@ -71,7 +85,7 @@ def orient_cloud(
         length = np.linalg.norm(cloud.normals, axis=1)
         keep &= np.isfinite(length) & (length > 0)
         if keep.any():
-            cloud = select(cloud, keep)
+            cloud = cloud.select(keep)
             assert cloud.normals is not None
             unit = cloud.normals / np.linalg.norm(cloud.normals, axis=1, keepdims=True)
             return replace(cloud, normals=unit)
@@ -132,10 +146,49 @@ def cloud_of_views(views: Sequence[DepthView], options: SurfaceOptions) -> Point
         else None,
     )
     cloud = thin(cloud, options.spacing_px * float(np.median(sizes)))
-    return select(
-        cloud,
-        statistical_inliers(cloud.points, options.num_outlier_neighbors, options.max_outlier_sigma),
+    cloud = cloud.select(
+        statistical_inliers(cloud.points, options.num_outlier_neighbors, options.max_outlier_sigma)
     )
+    return with_spread(cloud, views, options)
+
+
+def with_spread(
+    cloud: PointCloud, views: Sequence[DepthView], options: SurfaceOptions
+) -> PointCloud:
+    """A cloud whose ``sigma`` is the deviation of the depth maps that agree with each point.
+
+    A map whose pixel there is the point y has its surface ``o = n . (y - x)`` off along the normal
+    n of a point x. Over the K maps within the tolerance ``sigma^2 = sum o^2 / (K - 1)``. Where no
+    two maps agree nothing is known but that they would have had to: sigma is half the tolerance.
+    What all maps err in alike is not in it.
+
+    Parameters
+    ----------
+    cloud : N points with normals
+    views : depth maps of the same surface
+
+    """
+    assert cloud.normals is not None
+    num: Int = np.zeros(len(cloud.points), dtype=np.int64)
+    squared, tolerance = np.zeros(len(num)), np.full(len(num), np.inf)
+    for view in views:
+        u, v, z = view.project(cloud.points)
+        cosine = np.einsum("ni,ni->n", cloud.normals, view.rays(cloud.points))
+        width = options.consistency_px * view.pixel_size(cloud.points)
+        with np.errstate(invalid="ignore"):
+            agree = np.abs(view.depth_at(u, v) - z) <= width
+        agree &= cosine < -np.cos(np.radians(MAX_SLANT_DEG))
+        there = view.points(v[agree].astype(np.int64), u[agree].astype(np.int64))
+        off = np.einsum("ni,ni->n", cloud.normals[agree], there - cloud.points[agree])
+        num[agree] += 1
+        squared[agree] += off**2
+        tolerance[agree] = np.minimum(tolerance[agree], width[agree])
+    # what no map shows is as uncertain as the least certain of the others
+    known = np.isfinite(tolerance)
+    tolerance[~known] = tolerance[known].max(initial=0.0)
+    alone = 0.5 * tolerance
+    sigma = np.where(num < 2, alone, np.sqrt(squared / np.maximum(num - 1, 1)))
+    return replace(cloud, sigma=sigma) if known.any() else cloud
 
 
 def nearest_views(views: Sequence[DepthView], reference: int, num: int) -> Int:

@@ -16,9 +16,12 @@ from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.io.ply import write_ply
 from semsfm_colmap.pipeline.export import export_project
+from semsfm_colmap.pipeline.foreign.mesh_colmap import mesh_colmap
 from semsfm_colmap.surface.mesh.from_cloud import mesh_cloud
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import PointCloud
+from tests.colmap.perspective_models import RADIUS as BALL_RADIUS
+from tests.colmap.perspective_models import around, ball, perspective_model, write_model
 from tests.exports.ball_project import UNIT
 from tests.surface.scene import RADIUS, ball_points
 
@@ -113,3 +116,28 @@ def test_a_scale_that_is_no_scale_is_misuse(project: Path, factor: float) -> Non
     put_mesh(project, watertight=False)
     with pytest.raises(UsageError, match="must be positive"):
         export_project(project, "stl", options=FormatOptions(scale_factor=factor))
+
+
+@BOTH
+def test_the_mesh_of_a_colmap_folder_is_printed_in_units_of_its_model(
+    name: str, tmp_path: Path, capsys
+) -> None:
+    write_model(perspective_model(ball(1500), around(12)), tmp_path / "sparse/0")
+    mesh_colmap(tmp_path, options=SurfaceOptions(watertight=True))
+    assert main(["export", str(tmp_path / "mesh_semsfm"), "--to", name]) == 0
+    mesh = read(tmp_path / "mesh_semsfm/export" / name, name)
+    assert mesh.is_watertight
+    assert mesh.extents[0] == pytest.approx(2 * BALL_RADIUS, rel=0.05)
+    assert "counts units of the model" in capsys.readouterr().err
+
+
+def test_the_mesh_of_a_colmap_folder_goes_to_no_other_format(tmp_path: Path) -> None:
+    write_model(perspective_model(ball(1500), around(12)), tmp_path / "sparse/0")
+    mesh_colmap(tmp_path)
+    with pytest.raises(UsageError, match="exported to stl or 3mf"):
+        export_project(tmp_path / "mesh_semsfm", "nvm")
+    with pytest.raises(UsageError, match="unknown format"):
+        export_project(tmp_path / "mesh_semsfm", "objj")
+    (tmp_path / "mesh_semsfm/mesh.json").write_text("{")
+    with pytest.raises(InputError, match=r"mesh\.json cannot be read"):
+        export_project(tmp_path / "mesh_semsfm", "stl")

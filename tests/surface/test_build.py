@@ -116,3 +116,19 @@ def test_an_open_mesh_has_no_volume() -> None:
     said = " ".join(build.mesh_lines(record))
     assert f"{record.num_boundary_edges} open edges" in said
     assert "^" not in said
+
+
+def test_a_mesh_has_the_error_bars_of_its_cloud_if_it_has_any() -> None:
+    points = ball_points(3000)
+    cloud = PointCloud(points=points, normals=points / RADIUS)
+    plain = build.mesh(cloud, SurfaceOptions()).value
+    assert plain is not None
+    assert plain.vertex_sigma is None
+    # the left half is three times as uncertain as the right one
+    sigma = np.where(points[:, 0] < 0, 0.3, 0.1)
+    barred = build.mesh(replace(cloud, sigma=sigma), SurfaceOptions()).value
+    assert barred is not None
+    assert barred.vertex_sigma is not None
+    x = barred.vertices[:, 0] / RADIUS
+    np.testing.assert_allclose(barred.vertex_sigma[x < -0.2], 0.3)
+    np.testing.assert_allclose(barred.vertex_sigma[x > 0.2], 0.1)

@@ -12,12 +12,14 @@ from semsfm_colmap.surface.foreign_cloud import (
     nearest_views,
     orient_cloud,
     viewed_cloud,
+    with_spread,
 )
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import DepthMap, PointCloud
 from tests.surface.scene import (
     HEIGHT,
     RADIUS,
+    SCALE,
     WIDTH,
     ball_depth_maps,
     ball_points,
@@ -100,3 +102,44 @@ def test_the_nearest_views_turn_the_least() -> None:
     angles = [0.0, 50.0, 10.0, 30.0]
     np.testing.assert_array_equal(nearest_views(views(angles), 0, 2), [2, 3])
     np.testing.assert_array_equal(nearest_views(views(angles), 1, 9), [3, 2, 0])
+
+
+def test_error_bars_of_depth_maps_are_the_deviation_between_them() -> None:
+    rng = np.random.default_rng(4)
+    noise = 0.3 / SCALE  # 0.3 px
+
+    def noisy(_, depth):
+        return depth + rng.normal(0.0, noise, depth.shape)
+
+    cloud = cloud_of_views(views(np.arange(0.0, 100.0, 6.0), noisy), OPTIONS)
+    assert cloud.sigma is not None
+    assert cloud.normals is not None
+    # noise along the rays, seen along the normals, by maps turned by up to 75 degrees
+    assert 0.5 * noise < np.median(cloud.sigma) < noise
+    exact = cloud_of_views(views(np.arange(0.0, 100.0, 6.0)), OPTIONS)
+    assert exact.sigma is not None
+    # what is left is that the ball is round within a pixel
+    assert np.median(exact.sigma) < 0.15 * noise
+
+
+def test_a_point_that_one_map_shows_is_uncertain_by_half_the_tolerance() -> None:
+    one = views([0.0, 80.0])[:1]
+    points = ball_points(4000)
+    points = points[points[:, 2] < -0.7 * RADIUS]
+    cloud = with_spread(PointCloud(points=points, normals=points / RADIUS), one, OPTIONS)
+    np.testing.assert_allclose(cloud.sigma, 0.5 * OPTIONS.consistency_px / SCALE)
+
+
+def test_without_maps_there_are_no_error_bars() -> None:
+    points = ball_points(50)
+    cloud = PointCloud(points=points, normals=points / RADIUS)
+    assert with_spread(cloud, [], OPTIONS) is cloud
+
+
+def test_error_bars_of_sparse_points_are_those_along_the_normals() -> None:
+    points = ball_points(1500)
+    n = points / RADIUS
+    # 0.2 along the normal, 0.01 across it
+    C = 1e-4 * np.eye(3) + (0.04 - 1e-4) * n[:, :, None] * n[:, None]
+    cloud = viewed_cloud(points, -n, None, OPTIONS, C)
+    np.testing.assert_allclose(cloud.sigma, 0.2, rtol=0.1)

@@ -38,6 +38,8 @@ class AnyModel:
     """(O,) which point"""
     observation_image: Int
     """(O,) is seen by which image; once each"""
+    observation_keypoint: Int
+    """(O,) as which of the image's keypoints"""
 
     @property
     def num_images(self) -> int:
@@ -77,17 +79,21 @@ def read_any_model(path: Path, image_path: Path | None = None) -> AnyModel:
     number = {image.image_id: i for i, image in enumerate(images)}
     points: list[Float] = []
     colors: list[Array] = []
-    pairs: list[tuple[int, int]] = []
+    table: list[tuple[int, int, int]] = []
     for point_id in sorted(model.points3D):
         point = model.points3D[point_id]
         if not np.isfinite(point.xyz).all():
             continue
-        seen = {number[e.image_id] for e in point.track.elements if e.image_id in number}
-        pairs += [(len(points), i) for i in sorted(seen)]
+        # a track may hold one image twice; the first observation counts
+        seen: dict[int, int] = {}
+        for element in point.track.elements:
+            if element.image_id in number:
+                seen.setdefault(number[element.image_id], int(element.point2D_idx))
+        table += [(len(points), i, seen[i]) for i in sorted(seen)]
         points.append(point.xyz)
         colors.append(point.color)
     cameras = [model.cameras[image.camera_id] for image in images]
-    observed: Int = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    observed: Int = np.array(table, dtype=np.int64).reshape(-1, 3)
     return AnyModel(
         path=path,
         image_names=tuple(image.name for image in images),
@@ -103,6 +109,7 @@ def read_any_model(path: Path, image_path: Path | None = None) -> AnyModel:
         colors=np.array(colors, dtype=np.uint8).reshape(-1, 3),
         observation_point=observed[:, 0],
         observation_image=observed[:, 1],
+        observation_keypoint=observed[:, 2],
     )
 
 

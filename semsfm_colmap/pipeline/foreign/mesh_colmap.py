@@ -1,49 +1,30 @@
 """Any COLMAP folder -> a mesh beside it: perspective or parallel, sparse or dense.
 
-The best of what is there is taken: fused.ply, else the depth maps of patch-match stereo, else the
-images of a model of parallel projection, from which depth maps are made as `semsfm densify` does,
-else the sparse points. The folder is only read.
+Which cloud is meshed, `mesh_source.py` says. The folder is only read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import Any
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import folder_aside, write_json
-from semsfm_colmap.io.layout import MASKS_FOLDER
-from semsfm_colmap.pipeline.foreign.workspace import Workspace, find_workspace
+from semsfm_colmap.pipeline.foreign.mesh_source import all_there, parallel_model, read_source
+from semsfm_colmap.pipeline.foreign.workspace import find_workspace
 from semsfm_colmap.pipeline.reporter import Reporter
-from semsfm_colmap.records import ForeignMeshRecord, MeshRecord, known_only
+from semsfm_colmap.records import ForeignMeshRecord, known_only
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.types import PointCloud
-
-if TYPE_CHECKING:
-    from semsfm_colmap.colmap.model.any_model import AnyModel
-    from semsfm_colmap.surface.depth_view import DepthView
-    from semsfm_colmap.types import Reconstruction
 
 FOLDER = "mesh_semsfm"
 """Default name of the result in the COLMAP folder."""
-MIN_STEREO_IMAGES = 3
-"""Two parallel views do not fix a shape."""
 RECORD = "mesh.json"
 """Marks a result of ours, which may be replaced."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Source:
-    """The cloud that is meshed, where it came from, and depth maps of the same surface."""
-
-    kind: str
-    cloud: PointCloud
-    views: Sequence[DepthView] = ()
-    notes: tuple[str, ...] = ()
+EITHER_HAND = (
+    "the projection is parallel, and no reprojection error tells the surface from its "
+    "depth-reversed twin: look whether hills came out as valleys"
+)
 
 
 def mesh_colmap(
@@ -56,6 +37,9 @@ def mesh_colmap(
     reporter: Reporter | None = None,
 ) -> ForeignMeshRecord:
     """Mesh a COLMAP folder into ``mesh.ply`` and ``cloud.ply``.
+
+    Where the projection is parallel and all images are there, ``mesh.glb`` and ``mesh.obj`` have
+    their texture.
 
     Parameters
     ----------
@@ -76,6 +60,7 @@ def mesh_colmap(
 
     """
     from semsfm_colmap.io.ply import write_ply
+    from semsfm_colmap.pipeline.texture import write_texture
     from semsfm_colmap.surface.build import mesh, mesh_record
 
     options, reporter = options or SurfaceOptions(), reporter or Reporter(verbosity=-1)
@@ -89,30 +74,58 @@ def mesh_colmap(
     check_target(target)
     for other in workspace.other_models:
         reporter.detail(f"{other} is another component: --sparse_path meshes it")
-    source = read_source(workspace, options, reporter)
+    parallel = parallel_model(workspace)
+    source = read_source(workspace, parallel, options, reporter)
+    notes = source.notes
+    if parallel is not None and parallel.depth_sign.status == "ambiguous":
+        notes += (EITHER_HAND,)
     reporter.say(f"{workspace.model_path}: {len(source.cloud.points)} points, {source.kind}")
+    reporter.say(f"sigma of the vertices: {source.sigma}")
     solution = mesh(source.cloud, options, source.views)
     if solution.value is None:
         raise InputError(f"{workspace.model_path}: {solution.message}")
-    surface: MeshRecord = mesh_record(solution.value, options.method, source.notes)
-    record = ForeignMeshRecord(
-        model_path=str(workspace.model_path),
-        source=source.kind,
-        num_points=len(source.cloud.points),
-        mesh=surface,
-    )
     try:
         with folder_aside(target) as aside:
             write_ply(aside / "mesh.ply", solution.value)
             write_ply(aside / "cloud.ply", source.cloud)
+            images = workspace.image_path
+            if parallel is not None and images is not None and all_there(images, parallel):
+                notes += write_texture(solution.value, parallel, images, aside, options)
+            record = ForeignMeshRecord(
+                model_path=str(workspace.model_path),
+                source=source.kind,
+                sigma=source.sigma,
+                num_points=len(source.cloud.points),
+                mesh=mesh_record(solution.value, options.method, notes),
+                world_unit="um" if parallel is not None and parallel.world_unit == "um" else "",
+            )
             write_json({"format": "semsfm-mesh", **known_only(record)}, aside / RECORD)
     except OSError as error:
         raise UsageError(
             f"{target} cannot be written ({error.strerror}): give another --output_path"
         ) from error
-    for note in source.notes:
+    for note in notes:
         reporter.warn(note)
     return record
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """What mesh.json says.
+
+    Raises
+    ------
+    InputError
+        It cannot be read.
+
+    """
+    path = folder / RECORD
+    try:
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(
+            f"{path} cannot be read ({error}): run `semsfm mesh --colmap_path` again"
+        ) from error
+    return content
 
 
 def check_target(target: Path) -> None:
@@ -124,165 +137,3 @@ def check_target(target: Path) -> None:
             f"{target} holds files that `semsfm mesh --colmap_path` did not write: give another "
             "--output_path, so that nothing is overwritten"
         )
-
-
-def read_source(workspace: Workspace, options: SurfaceOptions, reporter: Reporter) -> Source:
-    """The best cloud that the folder gives."""
-    from semsfm_colmap.colmap.model.any_model import read_any_model
-    from semsfm_colmap.geometry.normals import mean_direction_from
-    from semsfm_colmap.io.ply import read_ply_cloud
-    from semsfm_colmap.surface.foreign_cloud import cloud_of_views, orient_cloud, viewed_cloud
-
-    model = read_any_model(workspace.model_path, workspace.image_path)
-    directions = mean_direction_from(
-        model.centres, model.points, model.observation_image, model.observation_point
-    )
-    seen = np.linalg.norm(directions, axis=1) > 0
-    if workspace.fused_path is not None:
-        cloud = orient_cloud(
-            read_ply_cloud(workspace.fused_path), model.points[seen], directions[seen], options
-        )
-        return Source(kind="fused.ply", cloud=cloud, views=depth_views(workspace, options)[0])
-    views, notes = depth_views(workspace, options)
-    if len(views) >= 2:
-        return Source(
-            kind=f"{len(views)} depth maps",
-            cloud=cloud_of_views(views, options),
-            views=views,
-            notes=notes,
-        )
-    own = parallel_source(workspace, options, reporter)
-    if own is not None:
-        return own
-    two_views = model.num_images == 2
-    if two_views and parallel_model(workspace) is not None:
-        raise InputError(
-            f"{workspace.model_path} has two images under parallel projection, which leave a "
-            "one-parameter family of shapes: a third image is needed"
-        )
-    length = min(options.min_track_length, 2 if two_views else options.min_track_length)
-    keep = seen & (model.track_length() >= length)
-    if two_views:
-        notes = (*notes, "two images: what they see is not checked by a third one")
-    return Source(
-        kind="sparse points",
-        cloud=viewed_cloud(model.points[keep], directions[keep], model.colors[keep], options),
-        notes=notes,
-    )
-
-
-def depth_views(
-    workspace: Workspace, options: SurfaceOptions
-) -> tuple[Sequence[DepthView], tuple[str, ...]]:
-    """The depth maps of a dense workspace as views, and what is to be said of them."""
-    if workspace.dense_path is None:
-        return (), ()
-    from semsfm_colmap.colmap.model.any_model import read_any_model
-
-    model = read_any_model(workspace.maps_model_path)
-    rows = [i for i, name in enumerate(model.image_names) if workspace.depth_map(name) is not None]
-    distorted = [i for i in rows if not np.isfinite(model.matrix[i]).all()]
-    if distorted:
-        name = model.image_names[distorted[0]]
-        raise InputError(
-            f"{workspace.dense_path} has depth maps, but {workspace.maps_model_path} has the image "
-            f"{name} with distortion ({model.camera_models[distorted[0]]}): give the model of the "
-            "undistorted images, which `colmap image_undistorter` writes to sparse/ beside stereo/"
-        )
-    if not rows:
-        return (), (
-            f"{workspace.dense_path} has no depth maps of the images of the model: run "
-            "`colmap patch_match_stereo` for a denser surface",
-        )
-    chosen = np.unique(
-        np.linspace(0, len(rows) - 1, min(len(rows), options.max_num_depth_maps)).astype(int)
-    )
-    size = options.max_depth_map_size_px
-    return [depth_view(workspace, model, rows[k], size) for k in chosen.tolist()], ()
-
-
-def depth_view(workspace: Workspace, model: AnyModel, image_idx: int, max_size: int) -> DepthView:
-    """The maps of an image with its camera and, where its image is there, its colours."""
-    from semsfm_colmap.colmap.dense_map import read_map
-    from semsfm_colmap.io.color import read_color
-    from semsfm_colmap.surface.depth_view import pinhole_view
-
-    name = model.image_names[image_idx]
-    depth_path, normal_path = workspace.depth_map(name), workspace.normal_map(name)
-    assert depth_path is not None
-    assert workspace.dense_path is not None
-    return pinhole_view(
-        read_map(depth_path),
-        model.matrix[image_idx],
-        model.cam_from_world[image_idx],
-        model.image_size_px[image_idx],
-        normals=None if normal_path is None else read_map(normal_path),
-        colors=read_color(workspace.dense_path / "images" / name),
-        max_size_px=max_size,
-    )
-
-
-def parallel_model(workspace: Workspace) -> Reconstruction | None:
-    """The model with orthographic cameras, None when its projection is not parallel."""
-    from semsfm_colmap.colmap.model.pinhole_reading import read_pinhole_model
-    from semsfm_colmap.colmap.model.sidecar import FILE_NAME
-    from semsfm_colmap.colmap.model.sparse import read_model
-
-    if (workspace.model_path / FILE_NAME).is_file():
-        return read_model(workspace.model_path)
-    try:
-        return read_pinhole_model(workspace.model_path).reconstruction
-    except InputError:
-        return None
-
-
-def parallel_source(
-    workspace: Workspace, options: SurfaceOptions, reporter: Reporter
-) -> Source | None:
-    """Depth maps of our own where the projection is parallel and all the images are there."""
-    from semsfm_colmap.pipeline.executor import ThreadExecutor
-    from semsfm_colmap.surface.build import fuse_depth_maps
-    from semsfm_colmap.surface.depth_view import parallel_view
-    from semsfm_colmap.surface.stereo.depth_maps import sweep_depth_maps
-    from semsfm_colmap.surface.stereo.views import choose_references
-
-    images = workspace.image_path
-    model = parallel_model(workspace)
-    if model is None or model.num_images < MIN_STEREO_IMAGES or images is None:
-        return None
-    if not all((images / name).is_file() for name in model.image_names):
-        return None
-    masks = workspace.path / MASKS_FOLDER
-    references = choose_references(
-        model.cameras, options.max_num_depth_maps, np.radians(options.min_reference_angle_deg)
-    )
-    executor = ThreadExecutor(-1)
-    maps = []
-    with reporter.progress("depth maps") as progress:
-        for depth_map in sweep_depth_maps(
-            model,
-            references,
-            images,
-            masks if masks.is_dir() else None,
-            options,
-            parallel_map=executor.map,
-            num_at_a_time=executor.num_workers,
-        ):
-            maps.append(depth_map)
-            progress(len(maps), len(references))
-    fused = fuse_depth_maps(maps, model, images, options, parallel_map=executor.map)
-    if fused.value is None:
-        return None
-    number = {name: i for i, name in enumerate(model.image_names)}
-    views = [
-        parallel_view(
-            model.cameras, number[m.image_name], model.image_size_px[number[m.image_name]], m
-        )
-        for m in maps
-    ]
-    return Source(
-        kind="sparse points" if fused.status == "sparse" else f"{len(maps)} depth maps of our own",
-        cloud=fused.value,
-        views=() if fused.status == "sparse" else views,
-        notes=(fused.message,) if fused.message else (),
-    )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from semsfm_colmap.errors import InputError, MissingDependencyError
+from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.layout import MESH_FOLDER
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.stage import Stage, StageRun
@@ -22,11 +22,10 @@ if TYPE_CHECKING:
 def run(on: StageRun) -> MeshRecord:
     """Mesh the fused cloud, then texture it where the libraries for that are there."""
     from semsfm_colmap.io.ply import read_ply_cloud, write_ply
+    from semsfm_colmap.pipeline.texture import write_texture
     from semsfm_colmap.segmentation.files import select_part
     from semsfm_colmap.surface import build
-    from semsfm_colmap.surface.files import project_views, write_textured
-    from semsfm_colmap.surface.mesh.vertex_sigma import with_vertex_sigma
-    from semsfm_colmap.surface.texture.atlas import texture_mesh
+    from semsfm_colmap.surface.files import project_views
 
     project, options = on.project, on.config.surface
     cloud = read_ply_cloud(project.dense / "fused.ply")
@@ -41,16 +40,13 @@ def run(on: StageRun) -> MeshRecord:
         raise InputError(
             f"no surface could be made from the {len(cloud.points)} points: {solution.message}"
         )
-    surface = with_vertex_sigma(solution.value, cloud)
+    surface = solution.value
     project.mesh.mkdir(exist_ok=True)
     write_ply(project.mesh / "mesh.ply", surface)
     notes: tuple[str, ...] = () if part == ALL else (f"the mesh is of the part {part} alone",)
-    try:
-        textured = texture_mesh(surface, model, project.images, options)
-        write_textured(textured, project.mesh)
-    except (ImportError, MissingDependencyError) as error:
-        notes += (f"the mesh was not textured: {error}",)
-        on.reporter.warn(notes[-1])
+    for note in write_texture(surface, model, project.images, project.mesh, options):
+        notes += (note,)
+        on.reporter.warn(note)
     record = build.mesh_record(surface, options.method, notes)
     for line in build.mesh_lines(record, model.world_unit):
         on.reporter.say(line)

@@ -43,27 +43,19 @@ def sparse_cloud(reconstruction: Reconstruction, options: SurfaceOptions) -> Poi
     points = np.array(reconstruction.points[idx])
     direction = mean_viewing_direction(reconstruction)[idx]
     normals = estimate_normals(points, direction, options.num_normal_neighbors)
-    sigma = None
-    if reconstruction.point_covariance is not None:
-        covariance = reconstruction.point_covariance[idx]
-        sigma = np.sqrt(np.einsum("ni,nij,nj->n", normals, covariance, normals))
+    covariance = reconstruction.point_covariance
     color = reconstruction.point_color
     return PointCloud(
         points=points,
         normals=normals,
         colors=None if color is None else np.asarray(color[idx], dtype=np.uint8),
-        sigma=sigma,
+        sigma=None if covariance is None else deviation_along(normals, covariance[idx]),
     )
 
 
-def select(cloud: PointCloud, keep: Array) -> PointCloud:
-    """The points of a mask or an index array."""
-    return PointCloud(
-        points=cloud.points[keep],
-        normals=None if cloud.normals is None else cloud.normals[keep],
-        colors=None if cloud.colors is None else cloud.colors[keep],
-        sigma=None if cloud.sigma is None else cloud.sigma[keep],
-    )
+def deviation_along(normals: Float, covariance: Float) -> Float:
+    """Standard deviation of points along their normals: (N, 3), (N, 3, 3) -> (N,)."""
+    return np.sqrt(np.einsum("ni,nij,nj->n", normals, covariance, normals))
 
 
 def voxel_groups(points: Float, size: float) -> tuple[Int, int]:

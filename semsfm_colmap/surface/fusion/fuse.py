@@ -19,7 +19,7 @@ import numpy as np
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.normals import statistical_inliers
 from semsfm_colmap.surface.depth_geometry import back_project, depth_map_unit, planes_and_normals
-from semsfm_colmap.surface.fusion.cloud import dominant_layer, select, smooth_along_normals
+from semsfm_colmap.surface.fusion.cloud import dominant_layer, smooth_along_normals
 from semsfm_colmap.surface.fusion.consistency import vote
 from semsfm_colmap.surface.fusion.error_bars import matching_variance, with_error_bars
 from semsfm_colmap.surface.fusion.grid import CloudGrid
@@ -213,15 +213,14 @@ def _clean(fused: Gathered, options: SurfaceOptions) -> PointCloud:
     cloud, weight, size = fused.cloud, fused.weight, fused.spacing
     if len(cloud.points) <= options.num_outlier_neighbors:
         return cloud
-    cloud = select(cloud, dominant_layer(cloud, weight, size))
-    cloud = select(
-        cloud,
+    cloud = cloud.select(dominant_layer(cloud, weight, size))
+    cloud = cloud.select(
         statistical_inliers(
             cloud.points, options.num_outlier_neighbors, options.max_fused_outlier_sigma
-        ),
+        )
     )
     least = min(options.min_component_fraction, options.max_crumb_faces / len(cloud.points))
-    cloud = select(cloud, _large_islands(cloud.points, 2.5 * size, least))
+    cloud = cloud.select(_large_islands(cloud.points, 2.5 * size, least))
     return smooth_along_normals(cloud, options.num_normal_neighbors // 2, 1)
 
 

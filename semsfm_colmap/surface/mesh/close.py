@@ -17,7 +17,7 @@ import numpy as np
 from semsfm_colmap.geometry.mesh_normals import face_normals
 from semsfm_colmap.surface.mesh.halfedges import directed_keys
 from semsfm_colmap.surface.mesh.holes import best_triangulation, boundary_loops
-from semsfm_colmap.surface.mesh.repair import MIN_HEIGHT
+from semsfm_colmap.surface.mesh.repair import MIN_HEIGHT, part_touching
 from semsfm_colmap.types import Array, Bool, Float, Int
 
 SHEET_RATIO = 0.5
@@ -35,6 +35,8 @@ def close_holes(
 ) -> tuple[Float, Int, Array | None]:
     """Faces and vertices with all rims closed; new vertices have the colour of the nearest one.
 
+    Vertices in one place part, so that the body is closed also to who joins them (`part_touching`).
+
     Parameters
     ----------
     vertices : (V, 3)
@@ -45,6 +47,7 @@ def close_holes(
     loops = boundary_loops(faces)
     if not loops:
         return vertices, faces, colors
+    vertices = part_touching(vertices, faces)
     source = np.arange(len(vertices))
     area = face_normals(vertices, faces)
     ratio = np.linalg.norm(area.sum(axis=0)) / np.linalg.norm(area, axis=1).sum()
@@ -94,8 +97,9 @@ def _span_without_needles(vertices: Float, loop: Int, edges: set[int]) -> Int | 
             return None
         corner = vertices[patch]
         side = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2)
-        height = np.linalg.norm(face_normals(vertices, patch), axis=1) / side.max(axis=1)
-        needle = np.flatnonzero(height <= MIN_HEIGHT * side.max(axis=1))
+        # twice the area over the longest side is the height
+        double_area = np.linalg.norm(face_normals(vertices, patch), axis=1)
+        needle = np.flatnonzero(double_area <= MIN_HEIGHT * side.max(axis=1) ** 2)
         if len(needle) == 0:
             return patch
         longest = side[needle].argmax(axis=1)

@@ -18,6 +18,8 @@ from semsfm_colmap.surface.mesh.halfedges import (
 )
 from semsfm_colmap.types import Array, Bool, Float, Int
 
+PARTING = 0.01
+"""Of the distance from a vertex to the middle of its faces."""
 MIN_HEIGHT = 1e-5
 """A triangle lower than this share of its longest edge has no direction: float32 holds 1e-7."""
 
@@ -48,6 +50,23 @@ def worth_keeping(faces: Int, min_component_fraction: float, max_crumb_faces: in
     keep = not_fins(faces)
     keep[keep] = in_large_components(faces[keep], min_component_fraction, max_crumb_faces)
     return keep
+
+
+def welded(vertices: Float, faces: Int) -> tuple[Float, Int]:
+    """Vertices in the same place joined, and the faces that branch or vanish thereby dropped.
+
+    Decimation leaves vertices that touch, edges that coincide and needles: whoever joins vertices
+    by their place, as most readers do, would see a mesh that branches.
+
+    Returns
+    -------
+    (V', 3), (F', 3) an oriented manifold; fans that meet in a point have a vertex each
+
+    """
+    places, number = np.unique(vertices, axis=0, return_inverse=True)
+    joined = drop_degenerate(places, number.reshape(-1)[faces])
+    vertices, faces, _ = compact(places, drop_branches(places, joined), None)
+    return vertices, faces
 
 
 def drop_degenerate(vertices: Float, faces: Int) -> Int:
@@ -106,6 +125,23 @@ def compact(vertices: Float, faces: Int, colors: Array | None) -> tuple[Float, I
     """Drop unused vertices and give each fan of faces around a vertex a vertex of its own."""
     fan, source = vertex_fans(faces)
     return vertices[source], fan, None if colors is None else colors[source]
+
+
+def part_touching(vertices: Float, faces: Int) -> Float:
+    """Vertices of which no two are in one place: those that are move `PARTING` into their fan.
+
+    Fans that meet in a point have a vertex each there (`compact`). Formats without shared vertices,
+    such as STL, join them again, and two fillings that meet in such a place would share an edge.
+    """
+    _, number, count = np.unique(vertices, axis=0, return_inverse=True, return_counts=True)
+    touching = count[number.reshape(-1)] > 1
+    corner = faces.reshape(-1)
+    middle = np.repeat(vertices[faces].mean(axis=1), 3, axis=0)
+    num = np.maximum(np.bincount(corner, minlength=len(vertices)), 1)[:, None]
+    into = np.stack(
+        [np.bincount(corner, weights=m, minlength=len(vertices)) for m in middle.T], axis=1
+    )
+    return np.where(touching[:, None], vertices + PARTING * (into / num - vertices), vertices)
 
 
 def _longest_edge(vertices: Float, faces: Int) -> Float:

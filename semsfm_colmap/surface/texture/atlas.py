@@ -20,6 +20,7 @@ from semsfm_colmap.errors import UsageError
 from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
 from semsfm_colmap.io.open3d_library import import_open3d
 from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
+from semsfm_colmap.surface.mesh.repair import welded
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import read_raster
 from semsfm_colmap.surface.stereo.undrift import drift_of
@@ -107,10 +108,9 @@ def simplify(mesh: TriangleMesh, max_faces: int) -> TriangleMesh:
         o3d.utility.Vector3iVector(np.array(mesh.faces, dtype=np.int32)),
     )
     small = full.simplify_quadric_decimation(max_faces)
-    small.remove_degenerate_triangles()
-    small.remove_unreferenced_vertices()
-    vertices = np.array(small.vertices)
-    faces = np.asarray(small.triangles).astype(np.int64)
+    # single precision, as a file holds them
+    vertices = np.array(small.vertices, dtype=np.float32).astype(np.float64)
+    vertices, faces = welded(vertices, np.asarray(small.triangles).astype(np.int64))
     colors = None
     if mesh.vertex_colors is not None:
         colors = mesh.vertex_colors[cKDTree(mesh.vertices).query(vertices)[1]]

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from semsfm_colmap.cli.main import main
 from semsfm_colmap.colmap.dense_map import write_map
@@ -293,8 +294,36 @@ def test_a_parallel_model_with_its_images_gets_depth_maps(small_project, tmp_pat
     shutil.copytree(small_project / "images", tmp_path / "images")
     record = mesh_colmap(tmp_path)
     assert "depth maps of our own" in record.source
+    assert "without the cameras' part" in record.sigma
+    assert any("depth-reversed twin" in note for note in record.mesh.notes)
+    textured = trimesh.load(tmp_path / "mesh_semsfm/mesh.glb", force="mesh")
+    assert textured.visual.material.baseColorTexture is not None
     assert_sound_file(tmp_path / "mesh_semsfm/mesh.ply")
     (tmp_path / "images").rename(tmp_path / "elsewhere")
     sparse = mesh_colmap(tmp_path)
     assert sparse.source == "sparse points"
+    assert not (tmp_path / "mesh_semsfm/mesh.glb").exists()
     assert record.num_points > 3 * sparse.num_points
+
+
+def test_every_mesh_says_what_its_error_bars_hold(ball_model, tmp_path, capsys):
+    write_model(ball_model, tmp_path / "points/sparse/0")
+    record = mesh_colmap(tmp_path / "points")
+    assert "triangulation" in record.sigma
+    assert sigma_of(tmp_path / "points").shape == (record.mesh.num_vertices,)
+    dense_workspace(ball_model, tmp_path / "maps")
+    record = mesh_colmap(tmp_path / "maps")
+    assert "spread of the depth maps" in record.sigma
+    assert 0.0 < np.median(sigma_of(tmp_path / "maps")) < 0.01 * RADIUS
+    points = ball(6000, seed=5)
+    cloud = PointCloud(points=points, normals=points / RADIUS)
+    write_ply(tmp_path / "maps/fused.ply", cloud)
+    assert "spread of the depth maps" in mesh_colmap(tmp_path / "maps").sigma
+    shutil.rmtree(tmp_path / "maps/stereo")
+    assert main(["mesh", "--colmap_path", str(tmp_path / "maps")]) == 0
+    assert "sigma of the vertices: none: fused.ply tells of no errors" in capsys.readouterr().err
+    assert sigma_of(tmp_path / "maps") is None
+
+
+def sigma_of(folder: Path):
+    return read_ply_mesh(folder / "mesh_semsfm" / "mesh.ply").vertex_sigma

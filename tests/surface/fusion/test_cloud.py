@@ -8,7 +8,6 @@ import pytest
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.surface.fusion.cloud import (
     dominant_layer,
-    select,
     smooth_along_normals,
     sparse_cloud,
     thin,
@@ -123,7 +122,7 @@ def test_two_layers_that_face_opposite_ways_both_stay() -> None:
 
 def test_selected_points_keep_the_attributes_the_cloud_has() -> None:
     cloud = PointCloud(points=np.zeros((3, 3)), sigma=np.array([1.0, 2.0, 3.0]))
-    some = select(cloud, np.array([True, False, True]))
+    some = cloud.select(np.array([True, False, True]))
     assert len(some.points) == 2
     assert some.normals is None
     np.testing.assert_array_equal(some.sigma, [1.0, 3.0])

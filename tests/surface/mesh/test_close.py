@@ -11,6 +11,7 @@ from semsfm_colmap.surface.mesh.close import FLOOR_DEPTH, MAX_CORNERS, close_hol
 from semsfm_colmap.surface.mesh.from_cloud import mesh_cloud
 from semsfm_colmap.surface.mesh.halfedges import num_boundary_edges
 from semsfm_colmap.surface.mesh.measure import area, measure, volume
+from semsfm_colmap.surface.mesh.repair import compact, in_large_components
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import PointCloud, TriangleMesh
 from tests.oracles.sound_mesh import assert_sound
@@ -68,6 +69,23 @@ def test_a_ball_with_a_large_hole_becomes_a_ball_with_a_flat_lid(min_z, method, 
     assert size.volume == pytest.approx(4 / 3 * np.pi * RADIUS**3 - cap, rel=0.05)
     assert size.hull_volume is not None
     assert size.volume <= size.hull_volume * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
+def test_holes_that_meet_in_points_are_closed_also_to_who_joins_by_place(share, tmp_path) -> None:
+    vertices, faces = grid(12)
+    num = 11 * 11
+    rng = np.random.default_rng(8)
+    y, x = np.divmod(np.arange(num), 11)
+    rim = (np.minimum(x, y) == 0) | (np.maximum(x, y) == 10)
+    stays = np.tile(rim | (rng.random(num) >= share), 2)
+    faces = faces[stays]
+    faces = faces[in_large_components(faces, 1.0)]
+    vertices[:, 2] = rng.normal(0.0, 0.3, len(vertices))
+    vertices, faces, _ = compact(vertices, faces, None)
+    assert len(np.unique(vertices, axis=0)) < len(vertices)
+    vertices, faces, _ = close_holes(vertices, faces, None)
+    assert_sound(TriangleMesh(vertices=vertices, faces=faces), tmp_path, watertight=True)
 
 
 def test_only_the_largest_piece_is_kept() -> None:

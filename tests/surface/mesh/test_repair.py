@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
 from semsfm_colmap.surface.mesh.repair import (
+    PARTING,
     drop_branches,
     drop_degenerate,
     face_outside,
     in_large_components,
     not_fins,
+    part_touching,
     repair,
+    welded,
     worth_keeping,
 )
+from semsfm_colmap.types import Float, Int, TriangleMesh
+from tests.oracles.sound_mesh import assert_sound
 from tests.oracles.surface import is_edge_manifold
 from tests.surface.mesh.sheets import grid, up
 
@@ -72,3 +79,39 @@ def test_an_empty_mesh_passes_through_repair() -> None:
     vertices = grid(3)[0]
     mended = repair(vertices, empty, cloud_normals=up(vertices))
     assert mended.shape == (0, 3)
+
+
+def hourglass() -> tuple[Float, Int]:
+    """Two cones without floors, their tips in one place."""
+    around = np.radians(np.arange(8) * 45.0)
+    ring = np.column_stack([np.cos(around), np.sin(around), np.ones(8)])
+    up = np.array([[8, k, (k + 1) % 8] for k in range(8)])
+    cone = np.concatenate([ring, np.zeros((1, 3))])
+    vertices = np.concatenate([cone, cone * [1.0, 1.0, -1.0]])
+    return vertices, np.concatenate([up, up[:, ::-1] + 9])
+
+
+def test_vertices_in_one_place_part_into_their_fans_and_the_others_stay() -> None:
+    vertices, faces = hourglass()
+    parted = part_touching(vertices, faces)
+    np.testing.assert_array_equal(parted[:8], vertices[:8])
+    np.testing.assert_array_equal(parted[9:17], vertices[9:17])
+    # the middle of the cone's faces is two thirds up
+    np.testing.assert_allclose(parted[8], [0.0, 0.0, PARTING * 2 / 3], atol=1e-15)
+    np.testing.assert_allclose(parted[17], [0.0, 0.0, -PARTING * 2 / 3], atol=1e-15)
+    assert len(np.unique(parted, axis=0)) == 18
+    np.testing.assert_array_equal(part_touching(vertices[:8], np.array([[0, 1, 2]])), vertices[:8])
+
+
+def test_vertices_are_joined_by_place_without_a_branch_or_a_needle(tmp_path: Path) -> None:
+    # three sheets at one edge, each with vertices of its own, and a needle
+    wing = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0], [0.5, 0, 1], [0.5, 0, 1]])
+    soup = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4], [2, 4, 5]])
+    vertices = wing[soup].reshape(-1, 3)
+    vertices, faces = welded(vertices, np.arange(12).reshape(4, 3))
+    # the shorter faces at the edge stay
+    assert len(faces) == 2
+    assert_sound(TriangleMesh(vertices=vertices, faces=faces), tmp_path)
+    kept, same = welded(*grid(5))
+    assert len(kept) == 25
+    assert len(same) == 32
