@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -21,9 +22,11 @@ from semsfm_colmap.segmentation.names import (
 from semsfm_colmap.segmentation.options import SegmentationOptions
 
 if TYPE_CHECKING:
+    from semsfm_colmap.geometry.alignment import Similarity
     from semsfm_colmap.pipeline.reporter import Reporter
     from semsfm_colmap.segmentation.cuts import Cut
     from semsfm_colmap.segmentation.labels import Labelling
+    from semsfm_colmap.segmentation.world import World
     from semsfm_colmap.types import Array, PointCloud, Reconstruction
 
 FORMAT = "semsfm-segments"
@@ -71,14 +74,55 @@ def segment_project(
         if undo > len(old):
             raise UsageError(f"{project.cuts} holds {len(old)} cuts: {undo} cannot be taken back")
         cuts = [*old[: len(old) - undo], *(check_cut(cut, "the new cut") for cut in new_cuts)]
+        cuts, model_from_world, notes = in_worlds(project, model, cuts)
         labelling = propose(
             cloud, model.cameras, model.image_size_px, options or SegmentationOptions()
         )
         views = Views(names=model.image_names, cameras=model.cameras)
-        labelling = apply_cuts(labelling, cloud, views, cuts)
+        labelling = apply_cuts(labelling, cloud, views, cuts, model_from_world)
         if cuts != old:
             write_cuts(cuts, project.cuts)
-        return write_segments(project, cloud, model, labelling, len(cuts), reporter)
+        return write_segments(project, cloud, model, labelling, len(cuts), notes, reporter)
+
+
+def in_worlds(
+    project: Project, model: Reconstruction, cuts: list[Cut]
+) -> tuple[list[Cut], dict[World, Similarity], list[str]]:
+    """The cuts with the world that each is in, the way from every other world to the model, notes.
+
+    A cut that says nothing of its world, such as a new one, is in that of the model.
+
+    Raises
+    ------
+    InputError
+        A cut is in the coordinates of a model that cannot be brought to this one.
+
+    """
+    from semsfm_colmap.segmentation.cuts import NUM_VALUES
+    from semsfm_colmap.segmentation.world import carry, world_of
+
+    own = world_of(model.image_names, model.cameras)
+    ways: dict[World, Similarity] = {}
+    placed, notes = [], []
+    for k, cut in enumerate(cuts):
+        if cut.kind not in NUM_VALUES:
+            placed.append(cut)
+            continue
+        placed.append(replace(cut, world=cut.world or own))
+        if not cut.world or cut.world == own or cut.world in ways:
+            continue
+        found = carry(cut.world, model.image_names, model.cameras, model.image_size_px)
+        if found.value is None:
+            raise InputError(
+                f"{project.cuts}: cut {k + 1} ({cut.kind}) is in the coordinates of another model "
+                f"({found.message}): delete its line and make it again"
+            )
+        ways[cut.world] = found.value
+        notes.append(
+            f"the model was mapped again since cut {k + 1} was made, which is carried over: "
+            f"{found.message}; look at segments.png"
+        )
+    return placed, ways, notes
 
 
 def read_surface(project: Project) -> tuple[PointCloud, Reconstruction]:
@@ -97,6 +141,7 @@ def write_segments(
     model: Reconstruction,
     labelling: Labelling,
     num_cuts: int,
+    notes: list[str],
     reporter: Reporter | None,
 ) -> dict[str, Any]:
     """Write PROJECT/segments as a whole and say what is in it."""
@@ -140,6 +185,7 @@ def write_segments(
             "format": FORMAT,
             "version": VERSION,
             "message": labelling.message,
+            "notes": notes,
             "world_unit": model.world_unit,
             "num_cuts": num_cuts,
             "parts": parts_table(labelling, mesh, mesh_label, sparse_label),
@@ -147,6 +193,8 @@ def write_segments(
         write_json(table, aside / TABLE_FILE)
     if reporter is not None:
         reporter.say(f"segments: {labelling.message}")
+        for note in notes:
+            reporter.warn(note)
         for part in table["parts"]:
             reporter.say(sentence(part, model.world_unit))
     return table

@@ -10,12 +10,13 @@ A cut gives a label, "dropped" unless another is named, to the points that it ta
 - keep: all parts but one; drop: one part.
 
 `outside` turns box, sphere, plane and masks round. Cuts follow one another in their order; no point
-is ever removed.
+is ever removed. The coordinates of a box, a sphere or a plane are those of the model that they were
+made in, its `world`; points go there before they are compared.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -23,9 +24,11 @@ from typing import Literal
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.geometry.alignment import Similarity
 from semsfm_colmap.io.grey import read_mask
 from semsfm_colmap.segmentation.labels import Labelling
 from semsfm_colmap.segmentation.names import DROPPED, NAMES
+from semsfm_colmap.segmentation.world import World
 from semsfm_colmap.types import Bool, Float, Int, OrthographicCameras, PointCloud
 
 CutKind = Literal["box", "sphere", "plane", "masks", "keep", "drop"]
@@ -47,6 +50,8 @@ class Cut:
     label: str = NAMES[DROPPED]
     """the name that what it takes is given"""
     outside: bool = False
+    world: World = ()
+    """box, sphere, plane: what they are coordinates of"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,9 +63,20 @@ class Views:
 
 
 def apply_cuts(
-    labelling: Labelling, cloud: PointCloud, views: Views, cuts: Sequence[Cut]
+    labelling: Labelling,
+    cloud: PointCloud,
+    views: Views,
+    cuts: Sequence[Cut],
+    model_from_world: Mapping[World, Similarity] | None = None,
 ) -> Labelling:
     """The labelling after all cuts, in their order.
+
+    Parameters
+    ----------
+    labelling, cloud : N points
+    views : the images of the model
+    cuts : their shapes in coordinates of their worlds
+    model_from_world : from those to the model; what is not in it is the model's own
 
     Raises
     ------
@@ -69,7 +85,10 @@ def apply_cuts(
 
     """
     for cut in cuts:
-        taken = _taken(labelling, cloud, views, cut)
+        x = np.asarray(cloud.points)
+        if model_from_world is not None and cut.world in model_from_world:
+            x = model_from_world[cut.world].inverse.apply(x)
+        taken = _taken(labelling, cloud, x, views, cut)
         names = dict(labelling.names)
         number = next((n for n, name in names.items() if name == cut.label), None)
         if number is None:
@@ -84,9 +103,8 @@ def apply_cuts(
     return labelling
 
 
-def _taken(labelling: Labelling, cloud: PointCloud, views: Views, cut: Cut) -> Bool:
-    """(N,) the points that a cut takes."""
-    x = np.asarray(cloud.points)
+def _taken(labelling: Labelling, cloud: PointCloud, x: Float, views: Views, cut: Cut) -> Bool:
+    """(N,) the points that a cut takes; x (N, 3), the points in its world."""
     v = np.asarray(cut.values)
     if cut.kind in ("keep", "drop"):
         known = sorted(labelling.names[k] for k in np.unique(labelling.label))

@@ -1,13 +1,16 @@
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from semsfm_colmap.cli.main import main
+from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.geometry.alignment import Similarity
 from semsfm_colmap.geometry.normals import sampling_distance
 from semsfm_colmap.io.ply import read_ply_cloud, read_ply_file, read_ply_mesh
 from semsfm_colmap.pipeline.runner import run_stages
@@ -150,8 +153,6 @@ def test_a_part_that_is_not_there_is_named(segmented):
 
 
 def test_labels_of_another_cloud_are_refused(segmented):
-    from dataclasses import replace
-
     cloud = read_ply_cloud(segmented / "dense" / "fused.ply")
     for other in (
         replace(cloud, points=cloud.points[:-1]),
@@ -208,3 +209,51 @@ def test_a_project_without_a_mesh_has_parts_without_areas(project):
     table = segment_project(project)
     assert {part["area"] for part in table["parts"]} == {None}
     assert not (project / "segments" / "mesh.ply").exists()
+
+
+def test_cuts_of_a_model_that_was_mapped_again_are_carried_over_or_refused(
+    project, monkeypatch, capsys
+):
+    cloud = read_ply_cloud(project / "dense" / "fused.ply")
+    centre, radius = cloud.points[0], 20 * sampling_distance(cloud.points)
+    segment_project(project, new_cuts=[Cut(kind="sphere", values=(*centre, radius))])
+    before = label_of(project)
+    assert (before == 0).sum() > 20
+    # the same in a world of another scale, turned and with the other hand
+    turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    world = Similarity(rotation=turn @ np.diag([1.0, 1.0, -1.0]), scale=10.0, shift=np.ones(3))
+    model = read_model(project / "sparse" / "0")
+    cameras = model.cameras
+    projection = cameras.cam_from_world @ world.rotation.T
+    moved = replace(
+        cameras,
+        cam_from_world=np.diag([1.0, 1.0, -1.0]) @ projection,
+        scale_px_per_unit=cameras.scale_px_per_unit / 10.0,
+        translation_px=cameras.translation_px
+        - np.einsum("mij,j->mi", cameras.projection @ world.rotation.T, world.shift) / 10.0,
+    )
+    there = replace(
+        cloud, points=world.apply(cloud.points), normals=cloud.normals @ world.rotation.T
+    )
+    monkeypatch.setattr(
+        "semsfm_colmap.pipeline.segment.read_surface",
+        lambda _: (there, replace(model, cameras=moved)),
+    )
+    assert main(["segment", str(project)]) == 0
+    assert "mapped again since cut 1 was made" in capsys.readouterr().err
+    after = label_of(project)
+    assert np.mean((after == 0) != (before == 0)) < 1e-3
+    assert json.loads((project / "segments/segments.json").read_text())["notes"]
+    # a new cut is in the new world, the old one stays in its own
+    segment_project(project, new_cuts=[Cut(kind="plane", values=(1.0, 0.0, 0.0, 1e9))])
+    first, second = read_cuts(project / "segments.toml")
+    assert first.values == (*centre, radius)
+    assert first.world != second.world
+    path = project / "segments.toml"
+    path.write_text(path.read_text().replace('image = "', 'image = "other_'))
+    with pytest.raises(
+        InputError, match=r"cut 1 \(sphere\) is in the coordinates of another model"
+    ):
+        segment_project(project)
+    segment_project(project, undo=2)
+    assert "world" not in path.read_text()

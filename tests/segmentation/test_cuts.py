@@ -5,10 +5,13 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.geometry.alignment import Similarity
+from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.segmentation.cut_file import read_cuts, write_cuts
 from semsfm_colmap.segmentation.cuts import Cut, Views, apply_cuts, left_out
 from semsfm_colmap.segmentation.labels import whole
 from semsfm_colmap.segmentation.names import COIL, DROPPED, SPECIMEN
+from semsfm_colmap.segmentation.world import world_of
 from semsfm_colmap.types import PointCloud
 from tests.segmentation import shapes
 
@@ -18,10 +21,15 @@ CLOUD = PointCloud(points=POINTS)
 VIEWS = Views(
     names=("a.png", "b.png", "c.png"), cameras=shapes.cameras_about("y", np.array([0.0, 10, 20]))
 )
+WORLDS = [
+    world_of(VIEWS.names, shapes.cameras_about("y", np.array([0.0, 10, 20]) + start))
+    for start in (0.0, 30.0)
+]
 ALL_KINDS = [
     Cut(kind="box", values=(-1.0, -0.5, 1e-7, 1.0, 0.5, 2.0)),
     Cut(kind="sphere", values=(0.0, 0.0, 0.0, 0.5), label="specimen", outside=True),
-    Cut(kind="plane", values=(0.0, 1.0, 0.0, 0.25), label='a "dirty" name'),
+    Cut(kind="plane", values=(0.0, 1.0, 0.0, 0.25), label='a "dirty" name', world=WORLDS[1]),
+    Cut(kind="plane", values=(1.0, 1.0, 0.0, 0.0), world=WORLDS[0]),
     Cut(kind="masks", text="C:\\masks of ü"),
     Cut(kind="keep", text="specimen"),
     Cut(kind="drop", text="coil"),
@@ -67,6 +75,18 @@ def test_cuts_follow_one_another_and_new_names_get_new_numbers():
 
 def _first_only():
     return (POINTS[:, 0] > 0) & (POINTS[:, 1] <= 0)
+
+
+def test_a_cut_of_another_world_takes_the_same_points():
+    turn = rotation_from_vector(np.array([0.3, -0.7, 1.1]))
+    way = Similarity(rotation=turn @ np.diag([1.0, 1, -1]), scale=3.0, shift=np.array([5.0, 6, 7]))
+    moved = PointCloud(points=way.apply(POINTS))
+    for one in ALL_KINDS[:3]:
+        one = replace(one, label="dropped")
+        there = replace(one, world=WORLDS[1])
+        done = apply_cuts(whole(500, ""), moved, VIEWS, [there], {WORLDS[1]: way})
+        assert np.array_equal(done.label, cut(one).label)
+        assert len(np.unique(done.label)) == 2
 
 
 def test_keep_drops_all_other_parts_and_drop_that_one():
@@ -118,9 +138,9 @@ def test_cuts_come_back_from_their_file_as_they_were(tmp_path):
 def test_deleting_a_line_takes_that_cut_back(tmp_path):
     path = tmp_path / "segments.toml"
     write_cuts(ALL_KINDS, path)
-    for k, one in enumerate(ALL_KINDS):
+    for k in range(len(ALL_KINDS)):
         lines = path.read_text(encoding="utf-8").splitlines()
-        at = next(n for n, line in enumerate(lines) if f"{{ {one.kind} =" in line)
+        at = [n for n, line in enumerate(lines) if line.startswith("  { ")][k]
         (tmp_path / "less.toml").write_text("\n".join(lines[:at] + lines[at + 1 :]), "utf-8")
         assert read_cuts(tmp_path / "less.toml") == ALL_KINDS[:k] + ALL_KINDS[k + 1 :]
 
@@ -141,6 +161,11 @@ def test_deleting_a_line_takes_that_cut_back(tmp_path):
         ('cuts = [{ keep = "a", colour = 1 }]', "unknown key colour"),
         ('cuts = [{ sphere = [0, 0, 0, 1], label = "" }]', "label is empty"),
         ("cuts = [{ sphere = [0, 0, 0, 1], outside = 1 }]", "true or false"),
+        ("cuts = [{ sphere = [0, 0, 0, 1], world = 0 }]", "the file has 0 worlds"),
+        ("worlds = [[{ image = 3, camera = [1, 2, 3, 4, 5, 6, 7, 8] }]]", "camera = .8 numbers"),
+        ('worlds = [[{ image = "a", camera = [1, 2] }]]', "camera = .8 numbers"),
+        ("worlds = [3]", "world 0 must be a list"),
+        ("worlds = 3", "worlds = 3, but a list is expected"),
         ("cuts = 3", "a list is expected"),
         ("cuts = [", "not valid TOML"),
     ],
