@@ -17,12 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.io.open3d_library import import_open3d
 from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import read_raster
 from semsfm_colmap.surface.stereo.undrift import drift_of
+from semsfm_colmap.surface.texture.charts import BORDER_TEXELS, make_atlas
 from semsfm_colmap.surface.texture.texture_kernels import add_image, rasterize
 from semsfm_colmap.types import Array, Float, Reconstruction, TriangleMesh
 
@@ -33,13 +34,6 @@ _SHARPNESS = 12
 _RAY_START_PX = 2.0
 """Rays start this far above the surface, so that its own noise does not hide it."""
 _NUM_GAIN_ROUNDS = 8
-_BORDER_TEXELS = 2.0
-"""Width of the border around each chart; the packer keeps charts twice as far apart."""
-_CHART_COST = 0.5
-"""Bend and raggedness up to which a chart grows. xatlas's own 2.0 takes 1.7 times as long for as
-many charts, packed as densely."""
-_PACKING = 0.7
-"""Share of the atlas that charts cover."""
 
 
 def texture_mesh(
@@ -70,15 +64,15 @@ def texture_mesh(
         raise UsageError("mesh has no faces: there is nothing to texture.")
     mesh = simplify(mesh, options.max_texture_faces)
     unit = 1.0 / float(np.median(reconstruction.cameras.scale_px_per_unit))
-    uv, size = _atlas(mesh, unit, options.max_texture_size_px)
-    texels = uv * size
-    texels[..., 1] = size - texels[..., 1]
-    face, bary = rasterize(texels, size, size, _BORDER_TEXELS)
+    uv, (width, height) = make_atlas(mesh.vertices, mesh.faces, unit, options.max_texture_size_px)
+    texels = uv * [width, height]
+    texels[..., 1] = height - texels[..., 1]
+    face, bary = rasterize(texels, width, height, BORDER_TEXELS)
 
     weight = view_weights(mesh, reconstruction, _RAY_START_PX * unit)
     gain = _gains(mesh, weight, reconstruction, Path(image_path))
-    total = np.zeros((size, size), dtype=np.float32)
-    norm = np.zeros((size, size), dtype=np.float32)
+    total = np.zeros((height, width), dtype=np.float32)
+    norm = np.zeros((height, width), dtype=np.float32)
     corners = np.ascontiguousarray(mesh.faces)
     for i in range(reconstruction.num_images):
         grey = _grey(reconstruction, Path(image_path), i) * np.float32(gain[i])
@@ -201,27 +195,3 @@ def _vertex_grey(mesh: TriangleMesh, face: Array, bary: Array) -> Array:
 def _project(mesh: TriangleMesh, reconstruction: Reconstruction, i: int) -> Float:
     cameras = reconstruction.cameras
     return np.asarray(mesh.vertices @ cameras.projection[i].T + cameras.translation_px[i])
-
-
-def _atlas(mesh: TriangleMesh, unit: float, max_size: int) -> tuple[Float, int]:
-    """Texture coordinates (F, 3, 2) in 0..1, origin bottom left, and the texture's size.
-
-    The size gives each px of the images about one texel, in steps of 256.
-    """
-    import xatlas
-
-    double_area = np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1)
-    wanted = np.sqrt(0.5 * double_area.sum() / unit**2 / _PACKING)
-    size = min(max(256, 256 * int(np.ceil(wanted / 256.0))), max_size)
-    atlas = xatlas.Atlas()
-    vertices = ((mesh.vertices - mesh.vertices.mean(axis=0)) / unit).astype(np.float32)
-    atlas.add_mesh(vertices, mesh.faces.astype(np.uint32))
-    charts, packing = xatlas.ChartOptions(), xatlas.PackOptions()
-    charts.max_iterations = 1
-    charts.max_cost = _CHART_COST
-    packing.resolution = size
-    packing.padding = int(2 * _BORDER_TEXELS)
-    packing.bilinear = True
-    atlas.generate(charts, packing)
-    _, faces, uv = atlas[0]
-    return np.asarray(uv, dtype=np.float64)[faces.astype(np.int64)], size
