@@ -19,7 +19,8 @@ import numpy as np
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.io.open3d_library import import_open3d
-from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
+from semsfm_colmap.io.open3d_rays import as_tensor, ray_scene, ray_tensor
+from semsfm_colmap.surface.mesh.repair import compact, drop_degenerate
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import read_raster
 from semsfm_colmap.surface.stereo.undrift import drift_of
@@ -95,16 +96,15 @@ def simplify(mesh: TriangleMesh, max_faces: int) -> TriangleMesh:
         return mesh
     from scipy.spatial import cKDTree
 
-    o3d = import_open3d()
-    full = o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(np.array(mesh.vertices, dtype=float)),
-        o3d.utility.Vector3iVector(np.array(mesh.faces, dtype=np.int32)),
+    middle = mesh.vertices.mean(axis=0)  # float32 below: near the origin
+    full = import_open3d().t.geometry.TriangleMesh(
+        as_tensor((mesh.vertices - middle).astype(np.float32)),
+        as_tensor(mesh.faces.astype(np.int32)),
     )
-    small = full.simplify_quadric_decimation(max_faces)
-    small.remove_degenerate_triangles()
-    small.remove_unreferenced_vertices()
-    vertices = np.array(small.vertices)
-    faces = np.asarray(small.triangles).astype(np.int64)
+    small = full.simplify_quadric_decimation(1.0 - max_faces / len(mesh.faces))
+    vertices = small.vertex.positions.numpy().astype(np.float64) + middle
+    faces = small.triangle.indices.numpy().astype(np.int64)
+    vertices, faces, _ = compact(vertices, drop_degenerate(vertices, faces), None)
     colors = None
     if mesh.vertex_colors is not None:
         colors = mesh.vertex_colors[cKDTree(mesh.vertices).query(vertices)[1]]
