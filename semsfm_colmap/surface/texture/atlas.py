@@ -22,8 +22,8 @@ from semsfm_colmap.io.open3d_library import import_open3d
 from semsfm_colmap.io.open3d_rays import as_tensor, ray_scene, ray_tensor
 from semsfm_colmap.surface.mesh.repair import compact, drop_degenerate
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.surface.stereo.rasters import read_raster
-from semsfm_colmap.surface.stereo.undrift import drift_of
+from semsfm_colmap.surface.stereo.rasters import read_image
+from semsfm_colmap.surface.stereo.undrift import drift_of, drifted
 from semsfm_colmap.surface.texture.charts import BORDER_TEXELS, make_atlas
 from semsfm_colmap.surface.texture.texture_kernels import add_image, rasterize
 from semsfm_colmap.types import Array, Float, Reconstruction, TriangleMesh
@@ -77,7 +77,7 @@ def texture_mesh(
     corners = np.ascontiguousarray(mesh.faces)
     for i in range(reconstruction.num_images):
         grey = _grey(reconstruction, Path(image_path), i) * np.float32(gain[i])
-        xy = _project(mesh, reconstruction, i).astype(np.float32)
+        xy = _seen_at(mesh, reconstruction, i).astype(np.float32)
         add_image(face, bary, corners, xy, weight[i], grey, total, norm)
         if progress is not None:
             progress(i + 1, reconstruction.num_images)
@@ -128,7 +128,7 @@ def view_weights(mesh: TriangleMesh, reconstruction: Reconstruction, start: floa
     cosine = np.zeros((reconstruction.num_images, len(mesh.vertices)), dtype=np.float32)
     for i in range(reconstruction.num_images):
         towards = -normals @ direction[i]
-        xy = _project(mesh, reconstruction, i)
+        xy = _seen_at(mesh, reconstruction, i)
         inside = ((xy > 1.0) & (xy < reconstruction.image_size_px[i] - 1.0)).all(axis=1)
         idx = np.flatnonzero(inside & (towards > _MIN_COSINE))
         origin = mesh.vertices[idx] + start * (normals[idx] - direction[i])
@@ -169,7 +169,7 @@ def _gains(
     grey = np.zeros((reconstruction.num_images, len(sample)))
     for i in range(reconstruction.num_images):
         image = cv2.blur(_grey(reconstruction, image_path, i), (5, 5))
-        xy = np.rint(_project(mesh, reconstruction, i)[sample] - 0.5).astype(np.int64)
+        xy = np.rint(_seen_at(mesh, reconstruction, i)[sample] - 0.5).astype(np.int64)
         x = np.clip(xy[:, 0], 0, image.shape[1] - 1)
         y = np.clip(xy[:, 1], 0, image.shape[0] - 1)
         grey[i] = image[y, x]
@@ -177,10 +177,8 @@ def _gains(
 
 
 def _grey(reconstruction: Reconstruction, image_path: Path, i: int) -> Array:
-    width, height = (int(v) for v in reconstruction.image_size_px[i])
-    name = reconstruction.image_names[i]
-    drift = drift_of(reconstruction.drift_px, i)
-    return read_raster(image_path, None, name, max(width, height), (width, height), drift).grey
+    size = (int(reconstruction.image_size_px[i, 0]), int(reconstruction.image_size_px[i, 1]))
+    return read_image(image_path / reconstruction.image_names[i], size).astype(np.float32)
 
 
 def _vertex_grey(mesh: TriangleMesh, face: Array, bary: Array) -> Array:
@@ -192,6 +190,9 @@ def _vertex_grey(mesh: TriangleMesh, face: Array, bary: Array) -> Array:
     return np.asarray(np.einsum("nk,nk->n", weight, grey))
 
 
-def _project(mesh: TriangleMesh, reconstruction: Reconstruction, i: int) -> Float:
+def _seen_at(mesh: TriangleMesh, reconstruction: Reconstruction, i: int) -> Float:
+    """Where an image shows each vertex, its scan drift included: (V, 2) px."""
     cameras = reconstruction.cameras
-    return np.asarray(mesh.vertices @ cameras.projection[i].T + cameras.translation_px[i])
+    xy = mesh.vertices @ cameras.projection[i].T + cameras.translation_px[i]
+    drift = drift_of(reconstruction.drift_px, i)
+    return drifted(np.asarray(xy), drift, int(reconstruction.image_size_px[i, 1]))
