@@ -26,6 +26,7 @@ MODULES = (
     "geometry.epipolar",
     "geometry.rotations",
     "segmentation.transfer",
+    "surface.stereo.undrift",
     "synthetic.series",
     "types",
 )

@@ -52,12 +52,7 @@ def read_raster(
     import cv2
 
     path = image_path / name
-    grey = read_grey(path)
-    if (grey.shape[1], grey.shape[0]) != tuple(size):
-        raise InputError(
-            f"{path} is {grey.shape[1]} x {grey.shape[0]} px but the reconstruction says "
-            f"{size[0]} x {size[1]} px: use the images that it was made from."
-        )
+    grey = read_image(path, size)
     target = scaled_size(*size, max_size_px)
     straight = without_drift(grey.astype(np.float32), drift_px)
     small = cv2.resize(straight, target, interpolation=cv2.INTER_AREA)
@@ -71,6 +66,23 @@ def read_raster(
         shrunk = cv2.resize(mask, target, interpolation=cv2.INTER_AREA)
         usable = shrunk > 0.5
     return Raster(grey=small, usable=usable, noise=quiet_noise_level(small))
+
+
+def read_image(path: Path, size: tuple[int, int]) -> Array:
+    """One prepared image (H, W), as its file has it.
+
+    Parameters
+    ----------
+    size : width and height that the reconstruction knows
+
+    """
+    grey = read_grey(path)
+    if (grey.shape[1], grey.shape[0]) != tuple(size):
+        raise InputError(
+            f"{path} is {grey.shape[1]} x {grey.shape[0]} px but the reconstruction says "
+            f"{size[0]} x {size[1]} px: use the images that it was made from."
+        )
+    return grey
 
 
 def raster_reader(

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semsfm_colmap.types import Array
+from semsfm_colmap.types import Array, Float
 
 NEGLIGIBLE_PX = 0.02
 """A smaller drift is left in: resampling would blur more than it mends."""
@@ -54,6 +54,21 @@ def without_drift(grey: Array, drift_px: tuple[float, float], *, nearest: bool =
             borderMode=cv2.BORDER_REPLICATE,
         )
     )
+
+
+def drifted(q: Float, drift_px: tuple[float, float], height: int) -> Float:
+    """The module's p of each q: where an image with the drift shows what belongs there, (N, 2) px.
+
+    Examples
+    --------
+    >>> drifted(np.array([[10.0, 0.0], [10.0, 50.0], [10.0, 100.0]]), (0.4, -0.2), 100)
+    array([[ 9.8,  0.1],
+           [10. , 50. ],
+           [10.2, 99.9]])
+
+    """
+    from_middle = (q[:, 1:] - 0.5 * height) / height
+    return np.asarray(q + from_middle * np.asarray(drift_px))
 
 
 def drift_of(drift_px: Array | None, image_idx: int) -> tuple[float, float]:

@@ -17,13 +17,15 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.io.open3d_library import import_open3d
-from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
+from semsfm_colmap.io.open3d_rays import as_tensor, ray_scene, ray_tensor
+from semsfm_colmap.surface.mesh.from_cloud import as_stored
 from semsfm_colmap.surface.mesh.repair import welded
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.surface.stereo.rasters import read_raster
-from semsfm_colmap.surface.stereo.undrift import drift_of
+from semsfm_colmap.surface.stereo.rasters import read_image
+from semsfm_colmap.surface.stereo.undrift import drift_of, drifted
+from semsfm_colmap.surface.texture.charts import BORDER_TEXELS, make_atlas
 from semsfm_colmap.surface.texture.texture_kernels import add_image, rasterize
 from semsfm_colmap.types import Array, Float, Reconstruction, TriangleMesh
 
@@ -34,13 +36,6 @@ _SHARPNESS = 12
 _RAY_START_PX = 2.0
 """Rays start this far above the surface, so that its own noise does not hide it."""
 _NUM_GAIN_ROUNDS = 8
-_BORDER_TEXELS = 2.0
-"""Width of the border around each chart; the packer keeps charts twice as far apart."""
-_CHART_COST = 0.5
-"""Bend and raggedness up to which a chart grows. xatlas's own 2.0 takes 1.7 times as long for as
-many charts, packed as densely."""
-_PACKING = 0.7
-"""Share of the atlas that charts cover."""
 
 
 def texture_mesh(
@@ -71,19 +66,19 @@ def texture_mesh(
         raise UsageError("mesh has no faces: there is nothing to texture.")
     mesh = simplify(mesh, options.max_texture_faces)
     unit = 1.0 / float(np.median(reconstruction.cameras.scale_px_per_unit))
-    uv, size = _atlas(mesh, unit, options.max_texture_size_px)
-    texels = uv * size
-    texels[..., 1] = size - texels[..., 1]
-    face, bary = rasterize(texels, size, size, _BORDER_TEXELS)
+    uv, (width, height) = make_atlas(mesh.vertices, mesh.faces, unit, options.max_texture_size_px)
+    texels = uv * [width, height]
+    texels[..., 1] = height - texels[..., 1]
+    face, bary = rasterize(texels, width, height, BORDER_TEXELS)
 
     weight = view_weights(mesh, reconstruction, _RAY_START_PX * unit)
     gain = _gains(mesh, weight, reconstruction, Path(image_path))
-    total = np.zeros((size, size), dtype=np.float32)
-    norm = np.zeros((size, size), dtype=np.float32)
+    total = np.zeros((height, width), dtype=np.float32)
+    norm = np.zeros((height, width), dtype=np.float32)
     corners = np.ascontiguousarray(mesh.faces)
     for i in range(reconstruction.num_images):
         grey = _grey(reconstruction, Path(image_path), i) * np.float32(gain[i])
-        xy = _project(mesh, reconstruction, i).astype(np.float32)
+        xy = _seen_at(mesh, reconstruction, i).astype(np.float32)
         add_image(face, bary, corners, xy, weight[i], grey, total, norm)
         if progress is not None:
             progress(i + 1, reconstruction.num_images)
@@ -102,15 +97,14 @@ def simplify(mesh: TriangleMesh, max_faces: int) -> TriangleMesh:
         return mesh
     from scipy.spatial import cKDTree
 
-    o3d = import_open3d()
-    full = o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(np.array(mesh.vertices, dtype=float)),
-        o3d.utility.Vector3iVector(np.array(mesh.faces, dtype=np.int32)),
+    middle = mesh.vertices.mean(axis=0)  # float32 below: near the origin
+    full = import_open3d().t.geometry.TriangleMesh(
+        as_tensor((mesh.vertices - middle).astype(np.float32)),
+        as_tensor(mesh.faces.astype(np.int32)),
     )
-    small = full.simplify_quadric_decimation(max_faces)
-    # single precision, as a file holds them
-    vertices = np.array(small.vertices, dtype=np.float32).astype(np.float64)
-    vertices, faces = welded(vertices, np.asarray(small.triangles).astype(np.int64))
+    small = full.simplify_quadric_decimation(1.0 - max_faces / len(mesh.faces))
+    vertices = as_stored(small.vertex.positions.numpy().astype(np.float64) + middle)
+    vertices, faces = welded(vertices, small.triangle.indices.numpy().astype(np.int64))
     colors = None
     if mesh.vertex_colors is not None:
         colors = mesh.vertex_colors[cKDTree(mesh.vertices).query(vertices)[1]]
@@ -134,7 +128,7 @@ def view_weights(mesh: TriangleMesh, reconstruction: Reconstruction, start: floa
     cosine = np.zeros((reconstruction.num_images, len(mesh.vertices)), dtype=np.float32)
     for i in range(reconstruction.num_images):
         towards = -normals @ direction[i]
-        xy = _project(mesh, reconstruction, i)
+        xy = _seen_at(mesh, reconstruction, i)
         inside = ((xy > 1.0) & (xy < reconstruction.image_size_px[i] - 1.0)).all(axis=1)
         idx = np.flatnonzero(inside & (towards > _MIN_COSINE))
         origin = mesh.vertices[idx] + start * (normals[idx] - direction[i])
@@ -175,7 +169,7 @@ def _gains(
     grey = np.zeros((reconstruction.num_images, len(sample)))
     for i in range(reconstruction.num_images):
         image = cv2.blur(_grey(reconstruction, image_path, i), (5, 5))
-        xy = np.rint(_project(mesh, reconstruction, i)[sample] - 0.5).astype(np.int64)
+        xy = np.rint(_seen_at(mesh, reconstruction, i)[sample] - 0.5).astype(np.int64)
         x = np.clip(xy[:, 0], 0, image.shape[1] - 1)
         y = np.clip(xy[:, 1], 0, image.shape[0] - 1)
         grey[i] = image[y, x]
@@ -183,10 +177,8 @@ def _gains(
 
 
 def _grey(reconstruction: Reconstruction, image_path: Path, i: int) -> Array:
-    width, height = (int(v) for v in reconstruction.image_size_px[i])
-    name = reconstruction.image_names[i]
-    drift = drift_of(reconstruction.drift_px, i)
-    return read_raster(image_path, None, name, max(width, height), (width, height), drift).grey
+    size = (int(reconstruction.image_size_px[i, 0]), int(reconstruction.image_size_px[i, 1]))
+    return read_image(image_path / reconstruction.image_names[i], size).astype(np.float32)
 
 
 def _vertex_grey(mesh: TriangleMesh, face: Array, bary: Array) -> Array:
@@ -198,30 +190,9 @@ def _vertex_grey(mesh: TriangleMesh, face: Array, bary: Array) -> Array:
     return np.asarray(np.einsum("nk,nk->n", weight, grey))
 
 
-def _project(mesh: TriangleMesh, reconstruction: Reconstruction, i: int) -> Float:
+def _seen_at(mesh: TriangleMesh, reconstruction: Reconstruction, i: int) -> Float:
+    """Where an image shows each vertex, its scan drift included: (V, 2) px."""
     cameras = reconstruction.cameras
-    return np.asarray(mesh.vertices @ cameras.projection[i].T + cameras.translation_px[i])
-
-
-def _atlas(mesh: TriangleMesh, unit: float, max_size: int) -> tuple[Float, int]:
-    """Texture coordinates (F, 3, 2) in 0..1, origin bottom left, and the texture's size.
-
-    The size gives each px of the images about one texel, in steps of 256.
-    """
-    import xatlas
-
-    double_area = np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1)
-    wanted = np.sqrt(0.5 * double_area.sum() / unit**2 / _PACKING)
-    size = min(max(256, 256 * int(np.ceil(wanted / 256.0))), max_size)
-    atlas = xatlas.Atlas()
-    vertices = ((mesh.vertices - mesh.vertices.mean(axis=0)) / unit).astype(np.float32)
-    atlas.add_mesh(vertices, mesh.faces.astype(np.uint32))
-    charts, packing = xatlas.ChartOptions(), xatlas.PackOptions()
-    charts.max_iterations = 1
-    charts.max_cost = _CHART_COST
-    packing.resolution = size
-    packing.padding = int(2 * _BORDER_TEXELS)
-    packing.bilinear = True
-    atlas.generate(charts, packing)
-    _, faces, uv = atlas[0]
-    return np.asarray(uv, dtype=np.float64)[faces.astype(np.int64)], size
+    xy = mesh.vertices @ cameras.projection[i].T + cameras.translation_px[i]
+    drift = drift_of(reconstruction.drift_px, i)
+    return drifted(np.asarray(xy), drift, int(reconstruction.image_size_px[i, 1]))

@@ -9,7 +9,7 @@ import numpy as np
 
 from semsfm_colmap.refinement.scan_drift import without_drift as places_without_drift
 from semsfm_colmap.surface.stereo.rasters import raster_reader
-from semsfm_colmap.surface.stereo.undrift import drift_of, without_drift
+from semsfm_colmap.surface.stereo.undrift import drift_of, drifted, without_drift
 from semsfm_colmap.types import Array, Float
 
 HEIGHT, WIDTH = 120, 160
@@ -26,7 +26,7 @@ def pattern(u: Float, v: Float) -> Float:
     )
 
 
-def drifted(drift: tuple[float, float]) -> Array:
+def scanned(drift: tuple[float, float]) -> Array:
     """What a scan with this drift records: at each pixel the place that it was really at."""
     x, y = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
     seen = np.column_stack([x.ravel(), y.ravel()])
@@ -40,7 +40,7 @@ def straight() -> Float:
 
 def test_a_drift_is_taken_out_to_a_64th_of_a_pixel() -> None:
     for drift in ((1.5, -0.8), (-0.6, 0.0), (0.0, 0.6)):
-        image = drifted(drift)
+        image = scanned(drift)
         inner = np.s_[6:-6, 6:-6]
         before = np.abs(image - straight())[inner].max()
         after = np.abs(without_drift(image, drift) - straight())[inner].max()
@@ -48,7 +48,7 @@ def test_a_drift_is_taken_out_to_a_64th_of_a_pixel() -> None:
 
 
 def test_the_other_sign_makes_it_worse() -> None:
-    image = drifted((1.5, -0.8))
+    image = scanned((1.5, -0.8))
     inner = np.s_[6:-6, 6:-6]
     worse = np.abs(without_drift(image, (-1.5, 0.8)) - straight())[inner].mean()
     assert worse > 1.5 * np.abs(image - straight())[inner].mean()
@@ -66,7 +66,7 @@ def test_a_mask_stays_a_mask() -> None:
 def test_the_reader_takes_out_each_image_s_own_drift(tmp_path: Path) -> None:
     drifts = np.array([[0.0, 0.0], [1.5, -0.8]])
     for k, name in enumerate("ab"):
-        cv2.imwrite(str(tmp_path / f"{name}.png"), np.rint(drifted(tuple(drifts[k]))))
+        cv2.imwrite(str(tmp_path / f"{name}.png"), np.rint(scanned(tuple(drifts[k]))))
     sizes = np.tile([WIDTH, HEIGHT], (2, 1))
     read = raster_reader(tmp_path, None, ("a.png", "b.png"), sizes, WIDTH, 2, drifts)
     off = (read(0).grey - read(1).grey)[6:-6, 6:-6]
@@ -74,3 +74,12 @@ def test_the_reader_takes_out_each_image_s_own_drift(tmp_path: Path) -> None:
     assert np.sqrt(np.mean(off**2)) < 0.7
     assert drift_of(None, 1) == (0.0, 0.0)
     assert drift_of(drifts, 1) == (1.5, -0.8)
+
+
+def test_what_is_drifted_is_where_the_mapping_takes_the_drift_out() -> None:
+    rng = np.random.default_rng(0)
+    straight_px = rng.uniform(0.0, 120.0, (50, 2))
+    there = drifted(straight_px, (3.0, -2.0), HEIGHT)
+    assert np.abs(there - straight_px).max() > 1.0
+    back = places_without_drift(there, np.array([[3.0, -2.0]]), np.full(50, float(HEIGHT)))
+    np.testing.assert_allclose(back, straight_px, atol=1e-9)
