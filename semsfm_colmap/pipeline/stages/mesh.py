@@ -1,4 +1,4 @@
-"""dense/fused.ply -> mesh/mesh.ply, mesh.glb and mesh.obj."""
+"""dense/fused.ply -> mesh/mesh.ply, mesh.glb, mesh.obj and shading.json."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def run(on: StageRun) -> MeshRecord:
     from semsfm_colmap.io.ply import read_ply_cloud, write_ply
     from semsfm_colmap.segmentation.files import select_part
     from semsfm_colmap.surface import build
-    from semsfm_colmap.surface.files import project_views, write_textured
+    from semsfm_colmap.surface.files import project_views, write_shading, write_textured
     from semsfm_colmap.surface.mesh.vertex_sigma import with_vertex_sigma
     from semsfm_colmap.surface.texture.atlas import texture_mesh
 
@@ -46,8 +46,9 @@ def run(on: StageRun) -> MeshRecord:
     write_ply(project.mesh / "mesh.ply", surface)
     notes: tuple[str, ...] = () if part == ALL else (f"the mesh is of the part {part} alone",)
     try:
-        textured = texture_mesh(surface, model, project.images, options)
+        textured, shading = texture_mesh(surface, model, project.images, options)
         write_textured(textured, project.mesh)
+        write_shading(shading, model.image_names, project.mesh / "shading.json")
     except (ImportError, MissingDependencyError) as error:
         notes += (f"the mesh was not textured: {error}",)
         on.reporter.warn(notes[-1])
