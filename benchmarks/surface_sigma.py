@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.rerender import correlations
 from benchmarks.tables import add_page_option, parser, put, table
 from benchmarks.truth.measured import rendered
 from benchmarks.truth.series import TEST, TRAIN, Series
@@ -49,12 +48,12 @@ CHOSEN = {
 HEAD = (
     "series", "vertices", "error px: median", "abs median", "95 %", "sigma px",
     "least sure tenth: sigma, error", "surest tenth: sigma, error",
-    "scale of error / sigma", "68 %", "cloud: scale", "NCC",
+    "scale of error / sigma", "68 %", "cloud: scale",
 )  # fmt: skip
 
 
 def judged(project: Path, series: Path) -> dict[str, Any]:
-    """Errors and sigmas, in px, of the mesh and the cloud of a project; NCC of its texture.
+    """Errors and sigmas, in px, of the mesh and the cloud of a project.
 
     Raises
     ------
@@ -77,15 +76,12 @@ def judged(project: Path, series: Path) -> dict[str, Any]:
     mesh, cloud = read_ply_mesh(home.mesh / "mesh.ply"), read_ply_cloud(home.dense / "fused.ply")
     assert mesh.vertex_sigma is not None
     assert cloud.sigma is not None
-    found = {
+    return {
         "error": px * surface.signed_distance(T.apply(mesh.vertices)),
         "sigma": px * T.scale * mesh.vertex_sigma,
         "cloud_error": px * surface.signed_distance(T.apply(cloud.points)),
         "cloud_sigma": px * T.scale * cloud.sigma,
     }
-    if (home.mesh / "mesh.glb").is_file():
-        found["ncc"] = correlations(home.mesh / "mesh.glb", model, home.images)
-    return found
 
 
 def scales(error: Float, sigma: Float) -> tuple[float, float]:
@@ -130,7 +126,6 @@ def row(name: str, d: dict[str, Any]) -> list[str]:
         f"{median:.2f}",
         f"{p68:.2f}",
         f"{cloud:.2f}",
-        f"{np.median(d['ncc']):.3f}" if "ncc" in d else "",
     ]
 
 

@@ -19,12 +19,14 @@ def write_texture(
     folder: Path,
     options: SurfaceOptions,
 ) -> tuple[str, ...]:
-    """Write mesh.glb and mesh.obj into a folder; what is to be said where that cannot be."""
-    from semsfm_colmap.surface.files import write_textured
+    """Write mesh.glb, mesh.obj and shading.json into a folder; what to say where that cannot be."""
+    from semsfm_colmap.surface.files import write_shading, write_textured
     from semsfm_colmap.surface.texture.atlas import texture_mesh
 
     try:
-        write_textured(texture_mesh(surface, model, image_path, options), folder)
+        textured, shading = texture_mesh(surface, model, image_path, options)
+        write_textured(textured, folder)
+        write_shading(shading, model.image_names, folder / "shading.json")
     except (ImportError, MissingDependencyError) as error:
         return (f"the mesh was not textured: {error}",)
     return ()

@@ -14,10 +14,11 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
-from semsfm_colmap.io.atomic import file_aside, write_bytes, write_text
+from semsfm_colmap.io.atomic import file_aside, write_bytes, write_json, write_text
 from semsfm_colmap.io.ply import write_ply_file
 from semsfm_colmap.surface.depth_view import DepthView, LazyViews, parallel_view
 from semsfm_colmap.surface.half_series import HalfDifference
+from semsfm_colmap.surface.texture.shading import Shading
 from semsfm_colmap.types import Array, DepthMap, Reconstruction, TriangleMesh
 
 
@@ -60,6 +61,12 @@ def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -
         write_bytes(data, folder / name)
     write_text(text, obj_path)
     return glb_path, obj_path
+
+
+def write_shading(shading: Shading, image_names: Sequence[str], path: Path) -> None:
+    """Write the shading of a texture as JSON; docs/files.md has the formula."""
+    gain = dict(zip(image_names, shading.gain.tolist(), strict=True))
+    write_json({"gradient": shading.gradient.tolist(), "gain": gain}, path)
 
 
 def write_half_difference(path: Path, found: HalfDifference) -> None:

@@ -119,6 +119,9 @@ class SurfaceOptions:
     """Share of the least supported Poisson vertices to cut away."""
 
     # texture
+    texture: Literal["albedo", "image"] = "albedo"
+    """albedo takes the shading out, one law of the normal for all images, and mixes all that see a
+    place; image shows the greys of the most frontal images, light and dark sides included."""
     max_texture_faces: int = 40_000
     """The textured mesh is reduced to at most this many faces; mesh.ply keeps all."""
     max_texture_size_px: int = 4096

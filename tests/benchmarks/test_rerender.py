@@ -1,5 +1,6 @@
 """A textured square seen again by a camera that looks at it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -7,9 +8,11 @@ import numpy as np
 
 from benchmarks.rerender import correlations, sampled
 from semsfm_colmap.surface.files import write_textured
+from semsfm_colmap.surface.texture.shading import Shading
 from semsfm_colmap.types import Observations, OrthographicCameras, Reconstruction, TriangleMesh
 
 SIZE = 64
+EVEN = Shading(gradient=np.zeros(3), gain=np.ones(1))
 
 
 def grey() -> np.ndarray:
@@ -49,17 +52,31 @@ def test_a_picture_on_a_square_correlates_with_itself_and_less_when_shifted(tmp_
     cv2.imwrite(str(tmp_path / "a.png"), grey())
     glb, _ = write_textured(square(grey()), tmp_path)
     right, near, wrong = (
-        correlations(glb, model(shift), tmp_path)[0] for shift in (0.0, 1.0, 10.0)
+        correlations(glb, EVEN, model(shift), tmp_path)[0][0] for shift in (0.0, 1.0, 10.0)
     )
-    assert right > 0.999
-    assert 0.6 < near < 0.95
-    assert abs(wrong) < 0.2
+    assert right.min() > 0.999
+    assert 0.6 < near.min() <= near.max() < 0.95
+    assert np.abs(wrong).max() < 0.2
 
 
 def test_an_image_that_sees_nothing_of_the_mesh_is_not_judged(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "a.png"), grey())
     glb, _ = write_textured(square(grey()), tmp_path)
-    assert np.isnan(correlations(glb, model(5000.0), tmp_path)).all()
+    found, inside = correlations(glb, EVEN, model(5000.0), tmp_path)
+    assert np.isnan(found).all()
+    assert np.isnan(inside).all()
+
+
+def test_a_square_seen_from_behind_is_all_inside(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), grey())
+    front = square(grey())
+    assert front.uv is not None
+    back = replace(front, faces=front.faces[:, ::-1], uv=front.uv[:, ::-1])
+    glb, _ = write_textured(back, tmp_path)
+    found, inside = correlations(glb, EVEN, model(0.0), tmp_path)
+    assert inside[0] == 1.0
+    assert found[0, 0] > 0.999
+    assert np.isnan(found[0, 1:]).all()
 
 
 def test_texels_are_read_at_their_centres() -> None:

@@ -31,6 +31,7 @@ FILES = (
     "mesh/mesh.ply",
     "mesh/mesh.glb",
     "mesh/mesh.obj",
+    "mesh/shading.json",
     "report/report.html",
     "report/metrics.json",
 )

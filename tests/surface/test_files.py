@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,10 @@ from semsfm_colmap.surface.files import (
     DepthMapFolder,
     read_depth_map,
     write_depth_map,
+    write_shading,
     write_textured,
 )
+from semsfm_colmap.surface.texture.shading import Shading
 from semsfm_colmap.types import DepthMap, TriangleMesh
 
 
@@ -45,6 +48,15 @@ def test_a_textured_mesh_shows_the_texture_where_it_belongs(tmp_path: Path) -> N
         left = read.vertices[:, 0] < 0.5
         np.testing.assert_array_equal(colors[left], 50)
         np.testing.assert_array_equal(colors[~left], 200)
+
+
+def test_the_shading_has_the_law_and_the_gain_of_each_image_by_name(tmp_path: Path) -> None:
+    shading = Shading(gradient=np.array([0.1, -0.2, 0.5]), gain=np.array([0.9, 1.2]))
+    write_shading(shading, ("a.png", "b.tif"), tmp_path / "shading.json")
+    assert json.loads((tmp_path / "shading.json").read_text()) == {
+        "gradient": [0.1, -0.2, 0.5],
+        "gain": {"a.png": 0.9, "b.tif": 1.2},
+    }
 
 
 def test_a_mesh_without_texture_is_not_written_as_a_textured_one(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""dense/fused.ply -> mesh/mesh.ply, mesh.glb and mesh.obj."""
+"""dense/fused.ply -> mesh/mesh.ply, mesh.glb, mesh.obj and shading.json."""
 
 from __future__ import annotations
 

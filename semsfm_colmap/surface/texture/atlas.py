@@ -1,11 +1,17 @@
-"""A texture for a mesh: an atlas, and for each texel the images that see it best.
+"""A texture for a mesh: an atlas, and for each texel what the images see of it.
 
 Under parallel projection a triangle maps affinely into each image, so a texel's place follows from
 its corners' by barycentric interpolation. An image counts at a vertex when no surface hides it
-(one ray), with a weight that falls off quickly from the most frontal image on: few images mix,
-details stay sharp, and since the weights are continuous over the mesh there are no seams. SEM
-images differ in contrast and brightness; one gain per image, fitted to the greys of shared
-vertices, takes the differences out.
+(one ray). A texel is
+
+    sum_i w_i I_i / sum_i w_i s_i,
+
+the grey that explains the greys I_i seen of it best when their variance grows with the grey, as
+that of counted electrons does; s_i is the factor of the shading (`shading.py`). As an albedo, s_i
+follows the normal, and all images that see a place count, by the squared cosine of the slant: light
+and dark sides go, noise averages out. As an image, s_i is the gain of image i alone, and the
+weight falls off quickly from the most frontal image on: few images mix. Weights are continuous over
+the mesh either way, so that there are no seams.
 """
 
 from __future__ import annotations
@@ -26,16 +32,19 @@ from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.rasters import read_image
 from semsfm_colmap.surface.stereo.undrift import drift_of, drifted
 from semsfm_colmap.surface.texture.charts import BORDER_TEXELS, make_atlas
+from semsfm_colmap.surface.texture.shading import Shading, fit_shading
 from semsfm_colmap.surface.texture.texture_kernels import add_image, rasterize
 from semsfm_colmap.types import Array, Float, Reconstruction, TriangleMesh
 
-_MIN_COSINE = 0.2
-"""Images that see a vertex at a steeper slant than 78 degrees do not count."""
+_MIN_COSINE = 0.1
+"""Images that see a vertex at a steeper slant than 84 degrees do not count."""
 _SHARPNESS = 12
 """Weight ``(cos / best cos)^12``: half at an image 19 degrees off a frontal one."""
 _RAY_START_PX = 2.0
 """Rays start this far above the surface, so that its own noise does not hide it."""
-_NUM_GAIN_ROUNDS = 8
+_MAX_PLACES = 20_000
+_MAX_OBSERVATIONS = 400_000
+"""The shading is fitted to at most so many vertices, and so many greys of them in all."""
 
 
 def texture_mesh(
@@ -45,7 +54,7 @@ def texture_mesh(
     options: SurfaceOptions,
     *,
     progress: Callable[[int, int], None] | None = None,
-) -> TriangleMesh:
+) -> tuple[TriangleMesh, Shading]:
     """Reduce a mesh to `options.max_texture_faces` faces and texture it from the images.
 
     Parameters
@@ -53,33 +62,36 @@ def texture_mesh(
     mesh : F >= 1 faces, facing outside
     reconstruction : the cameras
     image_path : folder of the prepared images
-    options : number of faces, size of the texture
+    options : number of faces, kind and size of the texture
     progress : called after each image
 
     Returns
     -------
     TriangleMesh with ``uv (F, 3, 2)`` and ``texture (H, W, 3)``; texels that no image sees take
-    the vertex colours
+    the vertex colours. The shading: the images are texture times its factors
 
     """
     if len(mesh.faces) == 0:
         raise UsageError("mesh has no faces: there is nothing to texture.")
     mesh = simplify(mesh, options.max_texture_faces)
+    normals = vertex_normals(mesh.vertices, mesh.faces)
     unit = 1.0 / float(np.median(reconstruction.cameras.scale_px_per_unit))
     uv, (width, height) = make_atlas(mesh.vertices, mesh.faces, unit, options.max_texture_size_px)
     texels = uv * [width, height]
     texels[..., 1] = height - texels[..., 1]
     face, bary = rasterize(texels, width, height, BORDER_TEXELS)
 
-    weight = view_weights(mesh, reconstruction, _RAY_START_PX * unit)
-    gain = _gains(mesh, weight, reconstruction, Path(image_path))
+    cosine = view_cosines(mesh, reconstruction, _RAY_START_PX * unit)
+    weight = cosine**2 if options.texture == "albedo" else frontal_weights(cosine)
+    shading = _fit(mesh, normals, weight, reconstruction, Path(image_path), options)
     total = np.zeros((height, width), dtype=np.float32)
     norm = np.zeros((height, width), dtype=np.float32)
     corners = np.ascontiguousarray(mesh.faces)
     for i in range(reconstruction.num_images):
-        grey = _grey(reconstruction, Path(image_path), i) * np.float32(gain[i])
+        grey = _grey(reconstruction, Path(image_path), i)
         xy = _seen_at(mesh, reconstruction, i).astype(np.float32)
-        add_image(face, bary, corners, xy, weight[i], grey, total, norm)
+        factor = shading.factor(i, normals @ reconstruction.cameras.cam_from_world[i].T)
+        add_image(face, bary, corners, xy, weight[i], factor.astype(np.float32), grey, total, norm)
         if progress is not None:
             progress(i + 1, reconstruction.num_images)
     seen = norm > 0
@@ -88,7 +100,7 @@ def texture_mesh(
     picture[unseen] = _vertex_grey(mesh, face[unseen], bary[unseen])
     picture[face < 0] = np.median(picture[seen]) if seen.any() else 128.0
     grey8 = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
-    return replace(mesh, uv=uv, texture=np.repeat(grey8[..., None], 3, axis=2))
+    return replace(mesh, uv=uv, texture=np.repeat(grey8[..., None], 3, axis=2)), shading
 
 
 def simplify(mesh: TriangleMesh, max_faces: int) -> TriangleMesh:
@@ -116,11 +128,10 @@ def simplify(mesh: TriangleMesh, max_faces: int) -> TriangleMesh:
     )
 
 
-def view_weights(mesh: TriangleMesh, reconstruction: Reconstruction, start: float) -> Array:
-    """How much each image counts at each vertex: (M, V) float32.
+def view_cosines(mesh: TriangleMesh, reconstruction: Reconstruction, start: float) -> Array:
+    """Cosine of the angle between each vertex' normal and each viewer: (M, V) float32.
 
-    Zero where the vertex is outside the image, hidden, or seen at a grazing angle; else
-    ``(cos / best cos)^12`` with the cosine of the angle between normal and viewing direction.
+    Zero where the vertex is outside the image, hidden, or seen at a grazing angle.
     """
     scene = ray_scene(mesh.vertices, mesh.faces)
     normals = vertex_normals(mesh.vertices, mesh.faces)
@@ -134,46 +145,41 @@ def view_weights(mesh: TriangleMesh, reconstruction: Reconstruction, start: floa
         origin = mesh.vertices[idx] + start * (normals[idx] - direction[i])
         hidden = scene.test_occlusions(ray_tensor(origin, -direction[i])).numpy()
         cosine[i, idx[~hidden]] = towards[idx[~hidden]]
+    return cosine
+
+
+def frontal_weights(cosine: Array) -> Array:
+    """``(cos / best cos)^12`` of the images that see a vertex: (M, V) -> (M, V)."""
     best = np.maximum(cosine.max(axis=0), 1e-6)
     weight = (cosine / best) ** _SHARPNESS
     weight[weight < 0.02] = 0.0
     return np.asarray(weight, dtype=np.float32)
 
 
-def balance_gains(grey: Float, weight: Array) -> Float:
-    """One gain per image so that images agree where they see the same: (M, V), (M, V) -> (M,).
-
-    Minimises ``sum w_iv (g_i I_iv - T_v)^2`` over the gains and the common greys T in turn, with
-    the mean logarithm of the gains fixed at 0. An image without any weight keeps the gain 1.
-    """
-    gain = np.ones(len(grey))
-    used = weight.sum(axis=1) > 0
-    if not used.any():
-        return gain
-    for _ in range(_NUM_GAIN_ROUNDS):
-        norm = weight.sum(axis=0)
-        common = (weight * grey * gain[:, None]).sum(axis=0) / np.maximum(norm, 1e-12)
-        num = (weight * grey * common).sum(axis=1)
-        den = (weight * grey * grey).sum(axis=1)
-        gain[used] = num[used] / np.maximum(den[used], 1e-12)
-        gain[used] /= np.exp(np.mean(np.log(np.maximum(gain[used], 1e-6))))
-    return gain
-
-
-def _gains(
-    mesh: TriangleMesh, weight: Array, reconstruction: Reconstruction, image_path: Path
-) -> Float:
+def _fit(
+    mesh: TriangleMesh,
+    normals: Float,
+    weight: Array,
+    reconstruction: Reconstruction,
+    image_path: Path,
+    options: SurfaceOptions,
+) -> Shading:
+    """The shading, from the greys of evenly chosen vertices."""
     import cv2
 
-    sample = np.arange(0, len(mesh.vertices), max(1, len(mesh.vertices) // 20_000))
-    grey = np.zeros((reconstruction.num_images, len(sample)))
-    for i in range(reconstruction.num_images):
-        image = cv2.blur(_grey(reconstruction, image_path, i), (5, 5))
-        xy = np.rint(_seen_at(mesh, reconstruction, i)[sample] - 0.5).astype(np.int64)
-        x = np.clip(xy[:, 0], 0, image.shape[1] - 1)
-        y = np.clip(xy[:, 1], 0, image.shape[0] - 1)
-        grey[i] = image[y, x]
-    return balance_gains(grey, weight[:, sample])
+    num_images = reconstruction.num_images
+    num = min(_MAX_PLACES, max(1, _MAX_OBSERVATIONS // num_images), len(mesh.vertices))
+    sample = np.linspace(0, len(mesh.vertices) - 1, num).astype(np.int64)
+    grey = np.zeros((num_images, num), dtype=np.float32)
+    for i in range(num_images):
+        image = _grey(reconstruction, image_path, i)
+        xy = (_seen_at(mesh, reconstruction, i)[sample] - 0.5).astype(np.float32)
+        grey[i] = cv2.remap(image, xy[:, None], None, cv2.INTER_LINEAR)[:, 0]
+    normals_cam = None
+    if options.texture == "albedo":
+        cam_from_world = reconstruction.cameras.cam_from_world
+        normals_cam = np.einsum("mij,vj->mvi", cam_from_world, normals[sample])
+    return fit_shading(grey, weight[:, sample], normals_cam)
 
 
 def _grey(reconstruction: Reconstruction, image_path: Path, i: int) -> Array:

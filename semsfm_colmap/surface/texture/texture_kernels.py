@@ -67,9 +67,10 @@ def add_image(
     corners: Array,
     corner_xy: Array,
     corner_weight: Array,
+    corner_factor: Array,
     grey: Array,
     total: Array,
-    weight: Array,
+    norm: Array,
 ) -> None:
     """Add one image to the texels of the faces it sees, in place.
 
@@ -79,8 +80,9 @@ def add_image(
     corners : (F, 3) vertex indices
     corner_xy : (V, 2) float32, where the image sees each vertex, px
     corner_weight : (V,) float32
+    corner_factor : (V,) float32, grey over albedo at each vertex
     grey : (H, W) float32
-    total, weight : (Ht, Wt) float32, sums of w * grey and w
+    total, norm : (Ht, Wt) float32, sums of w * grey and w * factor
 
     """
     Hi, Wi = grey.shape
@@ -105,5 +107,6 @@ def add_image(
             fu, fv = u - iu, v - iv
             top = grey[iv, iu] + fu * (grey[iv, iu + 1] - grey[iv, iu])
             low = grey[iv + 1, iu] + fu * (grey[iv + 1, iu + 1] - grey[iv + 1, iu])
+            factor = b0 * corner_factor[i] + b1 * corner_factor[j] + b2 * corner_factor[k]
             total[y, x] += w * (top + fv * (low - top))
-            weight[y, x] += w
+            norm[y, x] += w * factor

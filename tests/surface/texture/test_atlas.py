@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -11,18 +13,29 @@ import pytest
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.surface.mesh.preview import render_mesh
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.surface.texture.atlas import balance_gains, simplify, texture_mesh, view_weights
+from semsfm_colmap.surface.stereo.undrift import without_drift
+from semsfm_colmap.surface.texture.atlas import (
+    frontal_weights,
+    simplify,
+    texture_mesh,
+    view_cosines,
+)
+from semsfm_colmap.surface.texture.shading import Shading
 from semsfm_colmap.surface.texture.texture_kernels import rasterize
-from semsfm_colmap.types import Float, Int, TriangleMesh
+from semsfm_colmap.types import Float, Int, Reconstruction, TriangleMesh
 from tests.surface.mesh.test_repair import grid
 from tests.surface.scene import (
     HEIGHT,
+    RADIUS,
     WIDTH,
+    ball_depth,
+    pixel_rays,
     plane_depth,
     reconstruction_of,
     turning_cameras,
     write_pictures,
 )
+from tests.surface.texture.test_charts import ball
 
 
 def sheet(n: int = 9, half_width: float = 2.0, z: float = 0.0) -> TriangleMesh:
@@ -59,39 +72,30 @@ def test_what_another_surface_hides_has_no_weight() -> None:
     )
     cameras = turning_cameras([0.0, 180.0])
     reconstruction = reconstruction_of(cameras, ("a", "b"), np.zeros((1, 3)))
-    weight = view_weights(both, reconstruction, 0.05)
+    cosine = view_cosines(both, reconstruction, 0.05)
     behind = np.abs(back.vertices[:, :2]).max(axis=1) < 0.95
     beside = np.abs(back.vertices[:, :2]).max(axis=1) > 1.05
     num = len(back.vertices)
-    assert (weight[0, :num][behind] == 0).all()
-    assert (weight[0, :num][beside] == 1).all()
-    assert (weight[0, num:] == 1).all()
-    assert (weight[1] == 0).all()
+    assert (cosine[0, :num][behind] == 0).all()
+    assert (cosine[0, :num][beside] == 1).all()
+    assert (cosine[0, num:] == 1).all()
+    assert (cosine[1] == 0).all()
 
 
 def test_the_most_frontal_image_counts_most() -> None:
     reconstruction = reconstruction_of(
         turning_cameras([0.0, 10.0, 40.0]), ("a", "b", "c"), np.zeros((1, 3))
     )
-    weight = view_weights(sheet(half_width=1.0), reconstruction, 0.05)
+    weight = frontal_weights(view_cosines(sheet(half_width=1.0), reconstruction, 0.05))
     np.testing.assert_allclose(weight[0], 1.0)
     np.testing.assert_allclose(weight[1], np.cos(np.radians(10.0)) ** 12, rtol=1e-4)
     assert weight[2].max() < 0.05
 
 
-def test_gains_between_images_are_recovered() -> None:
-    rng = np.random.default_rng(0)
-    truth = rng.uniform(60, 200, 500)
-    gain = np.array([0.8, 1.0, 1.3, 1.1])
-    weight = (rng.random((4, 500)) < 0.6).astype(np.float32)
-    weight[3] = 0
-    found = balance_gains(truth / gain[:, None] + rng.normal(0, 2, (4, 500)), weight)
-    assert found[3] == 1.0
-    expected = gain[:3] / np.exp(np.log(gain[:3]).mean())
-    np.testing.assert_allclose(found[:3], expected, rtol=0.03)
-
-
-def test_the_texture_shows_what_the_images_show(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["albedo", "image"])
+def test_the_texture_shows_what_the_images_show(
+    tmp_path: Path, kind: Literal["albedo", "image"]
+) -> None:
     cameras = turning_cameras([-10.0, 0.0, 10.0])
     normal = np.array([0.0, 0.0, -1.0])
     depths = [plane_depth(cameras, i, normal) for i in range(3)]
@@ -100,7 +104,13 @@ def test_the_texture_shows_what_the_images_show(tmp_path: Path) -> None:
     dark = cv2.imread(str(tmp_path / names[0]), cv2.IMREAD_GRAYSCALE)
     assert cv2.imwrite(str(tmp_path / names[0]), np.rint(0.7 * dark).astype(np.uint8))
     reconstruction = reconstruction_of(cameras, names, np.zeros((1, 3)))
-    textured = texture_mesh(sheet(), reconstruction, tmp_path, SurfaceOptions())
+    textured, shading = texture_mesh(
+        sheet(), reconstruction, tmp_path, SurfaceOptions(texture=kind)
+    )
+    # of a plane images show gain and law as one factor
+    seen = cameras.cam_from_world @ normal
+    factor = [shading.factor(i, seen[i]) for i in range(3)]
+    np.testing.assert_allclose(factor[0] / factor[1:], 0.7, rtol=0.02)
     assert textured.uv is not None
     assert textured.texture is not None
     assert 0 <= textured.uv.min() <= textured.uv.max() <= 1
@@ -119,6 +129,62 @@ def test_the_texture_shows_what_the_images_show(tmp_path: Path) -> None:
     assert likeness(0) > likeness(-1) + 0.05
 
 
+def test_an_even_ball_has_an_even_albedo_and_light_and_dark_sides_as_an_image(
+    tmp_path: Path,
+) -> None:
+    law = Shading(gradient=np.array([0.3, -0.5, 0.6]), gain=np.array([0.9, 1.0, 1.1, 1.0, 0.95]))
+    cameras = turning_cameras([-60.0, -30.0, 0.0, 30.0, 60.0])
+    names = tuple(f"{i}.png" for i in range(5))
+    for i, name in enumerate(names):
+        start, direction = pixel_rays(cameras, i)
+        place = start + (ball_depth(cameras, i) - start @ direction)[..., None] * direction
+        grey = 100.0 * law.factor(i, place / RADIUS @ cameras.cam_from_world[i].T)
+        assert cv2.imwrite(str(tmp_path / name), np.rint(np.nan_to_num(grey)).astype(np.uint8))
+    vertices, faces = ball()
+    vertices = RADIUS * vertices / np.linalg.norm(vertices, axis=1, keepdims=True)
+    front = vertices[faces].mean(axis=1)[:, 2] < -0.3 * RADIUS  # what several images see well
+    mesh = TriangleMesh(vertices=vertices, faces=faces[front])
+    reconstruction = reconstruction_of(cameras, names, np.zeros((1, 3)))
+
+    spread = {}
+    for kind in ("albedo", "image"):
+        options = SurfaceOptions(texture=kind)
+        textured, found = texture_mesh(mesh, reconstruction, tmp_path, options)
+        shown = render_mesh(textured, size_px=(90, 90), use_colors=True, supersampling=1)[..., 0]
+        grey = shown[shown < 255].astype(float)
+        spread[kind] = float(np.std(grey) / np.mean(grey))
+        if kind == "albedo":
+            np.testing.assert_allclose(found.gradient, law.gradient, atol=0.05)
+            np.testing.assert_allclose(found.gain / found.gain[1], law.gain, rtol=0.02)
+    assert spread["albedo"] < 0.03
+    assert spread["image"] > 0.1
+
+
+def test_images_are_sampled_where_the_drift_has_taken_what_they_show(tmp_path: Path) -> None:
+    cameras = turning_cameras([0.0])
+    names = write_pictures(
+        tmp_path, cameras, [plane_depth(cameras, 0, np.array([0.0, 0.0, -1.0]))], noise=0.0
+    )
+    straight = reconstruction_of(cameras, names, np.zeros((1, 3)))
+    expected, _ = texture_mesh(sheet(), straight, tmp_path, SurfaceOptions())
+    drift = (6.0, -4.0)
+    path = str(tmp_path / names[0])
+    # without_drift undoes a drift; the opposite one, to first order, brings it in
+    moved = without_drift(
+        cv2.imread(path, cv2.IMREAD_GRAYSCALE).astype(np.float32), (-drift[0], -drift[1])
+    )
+    assert cv2.imwrite(path, np.clip(np.rint(moved), 0, 255).astype(np.uint8))
+
+    def likeness(reconstruction: Reconstruction) -> float:
+        found, _ = texture_mesh(sheet(), reconstruction, tmp_path, SurfaceOptions())
+        assert found.texture is not None
+        assert expected.texture is not None
+        return float(np.corrcoef(found.texture.ravel(), expected.texture.ravel())[0, 1])
+
+    assert likeness(replace(straight, drift_px=np.array([drift]))) > 0.98
+    assert likeness(straight) < 0.95
+
+
 def test_a_face_no_image_sees_keeps_its_vertex_colour(tmp_path: Path) -> None:
     cameras = turning_cameras([180.0, 170.0])
     names = write_pictures(
@@ -131,7 +197,7 @@ def test_a_face_no_image_sees_keeps_its_vertex_colour(tmp_path: Path) -> None:
         vertex_colors=np.full((len(mesh.vertices), 3), 91, dtype=np.uint8),
     )
     reconstruction = reconstruction_of(cameras, names, np.zeros((1, 3)))
-    textured = texture_mesh(colored, reconstruction, tmp_path, SurfaceOptions())
+    textured, _ = texture_mesh(colored, reconstruction, tmp_path, SurfaceOptions())
     shown = render_mesh(textured, size_px=(60, 60), use_colors=True)
     np.testing.assert_array_equal(shown[30, 30], 91)
 
