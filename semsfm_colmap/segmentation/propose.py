@@ -2,9 +2,9 @@
 
 What touches the border of the images decides which kind of holder is looked for. Nothing touches
 it: the specimen stands free and is whole. A little of the outline is touched: a coil or a stalk on
-that side (`support`), a coil where it winds as a helix. Much of the outline is touched:
- a substrate (`substrate`), or a field that is itself the specimen. A random walker
-(`walker`) then gives each point to one of the two parts.
+that side (`support`), a coil where it winds as a helix. Much of the outline is touched, or three of
+its sides and no support shows: a substrate (`substrate`), or a field that is itself the specimen. A
+random walker (`walker`) then gives each point to one of the two parts.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ MIN_POINTS = 200
 """A smaller cloud shows no parts."""
 MIN_DIRECTION = 0.7
 """A side whose outward normals average to less turns with the specimen: nothing holds it there."""
+MIN_SUBSTRATE_SIDES = 3
+"""A sheet under the specimen is seen on so many sides of it at least."""
 SIDES = ("left", "right", "top", "bottom")
 
 
@@ -55,7 +57,15 @@ def propose(
     spacing = sampling_distance(points)
     if contact.total_coverage > options.max_support_coverage:
         return _on_substrate(cloud, cameras, contact, spacing, options)
-    return _on_supports(cloud, contact, spacing, options)
+    found = _on_supports(cloud, contact, spacing, options)
+    if (
+        np.count_nonzero(contact.coverage) >= MIN_SUBSTRATE_SIDES
+        and found.is_part("specimen").all()
+    ):
+        # a sheet of which stereo saw some
+        sheet = _on_substrate(cloud, cameras, contact, spacing, options)
+        return sheet if sheet.is_part("substrate").any() else found
+    return found
 
 
 def _on_substrate(

@@ -132,3 +132,21 @@ def rough_field(seed: int = 0) -> Shape:
     rng = np.random.default_rng(seed)
     cameras = cameras_about("x", np.linspace(-20.0, 20.0, 9))
     return made([plate(20000, rng, relief=0.25)], [1], cameras, rng)
+
+
+def ball_on_half_a_plate(seed: int = 0) -> Shape:
+    """The same where stereo saw the plate on the left alone, and a hair over the upper border."""
+    whole = ball_on_plate(seed)
+    points, normals = np.asarray(whole.cloud.points), np.asarray(whole.cloud.normals)
+    keep = (whole.specimen == 1) | (points[:, 0] < -0.3)
+    rng = np.random.default_rng(seed)
+    y = rng.uniform(-2.0, -0.9, 200)
+    hair = np.stack([0.02 * rng.normal(size=200), y, np.full(200, -0.5)], axis=1)
+    return Shape(
+        cloud=PointCloud(
+            points=np.concatenate([points[keep], hair]),
+            normals=np.concatenate([normals[keep], np.tile([0.0, 0.0, -1.0], (200, 1))]),
+        ),
+        specimen=np.concatenate([whole.specimen[keep], np.ones(200, dtype=np.int64)]),
+        cameras=whole.cameras,
+    )

@@ -37,6 +37,18 @@ def test_a_ball_on_a_plate_is_told_from_it():
     assert ground[shape.specimen == 1].mean() <= 0.05
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_plate_that_stereo_saw_in_part_is_told_from_the_ball_on_it(seed):
+    shape = shapes.ball_on_half_a_plate(seed)
+    found = proposed(shape)
+    ground = found.label == SUBSTRATE
+    assert ground[shape.specimen == 0].mean() >= MIN_RECALL
+    assert ground[shape.specimen == 1].mean() <= 0.05
+    # where no plate was seen nothing is taken for one
+    right = np.asarray(shape.cloud.points)[:, 0] > 0.6
+    assert not ground[right].any()
+
+
 @pytest.mark.parametrize(
     "shape",
     [
