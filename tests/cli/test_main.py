@@ -14,7 +14,7 @@ from semsfm_colmap.cli.main import BROKEN_PIPE, main
 
 def run(*arguments, **options):
     return subprocess.run(
-        [sys.executable, "-m", "semsfm_colmap.cli.main", *map(str, arguments)],
+        [sys.executable, "-m", "semsfm_colmap", *map(str, arguments)],
         capture_output=True,
         text=True,
         **options,
