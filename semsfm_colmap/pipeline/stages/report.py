@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from semsfm_colmap.io.layout import GONIOMETER_FILE
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import DensifyRecord, MapRecord, MatchRecord, ReportRecord
 
@@ -9,6 +10,7 @@ from semsfm_colmap.records import DensifyRecord, MapRecord, MatchRecord, ReportR
 def run(on: StageRun) -> ReportRecord:
     """Gather what the stages have left, and write the report."""
     from semsfm_colmap.io.ply import read_ply_cloud, read_ply_mesh
+    from semsfm_colmap.pipeline.goniometer import read_goniometer
     from semsfm_colmap.pipeline.record import versions
     from semsfm_colmap.report.inputs import ReportInputs, StageUsage
     from semsfm_colmap.report.metrics_json import metrics_json
@@ -36,6 +38,7 @@ def run(on: StageRun) -> ReportRecord:
         guided=None if mapped is None else mapped.diagnostics.guided,
         reliability=None if mapped is None else mapped.reliability,
         tilt=None if mapped is None else mapped.diagnostics.tilt,
+        goniometer=read_goniometer(project),
         mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
         surface_halves=None if densified is None else densified.half_series,
@@ -55,4 +58,5 @@ STAGE = Stage(
     sections=(),
     outputs=lambda p: [p.report / "report.html", p.report / "metrics.json"],
     run=run,
+    inputs=lambda p, _: [p.report / GONIOMETER_FILE],
 )
