@@ -20,7 +20,7 @@ from semsfm_colmap.config import Config, read_config
 from semsfm_colmap.evaluation.truth import Truth, load_truth
 from semsfm_colmap.mapping.pose_covariance import rotation_covariance
 from semsfm_colmap.motion.goniometer import Readout, image_frame_of_axis, measure_goniometer
-from semsfm_colmap.pipeline.goniometer import measure_project
+from semsfm_colmap.pipeline.goniometer import measure_rotation
 from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.records import GoniometerRecord
 from semsfm_colmap.synthetic.options import SynthesizeOptions
@@ -155,7 +155,7 @@ def hysteresis_found(home: Path, project: Path, factor: float) -> tuple[float, f
 
 def row(name: str, home: Path, project: Path, factor: float) -> tuple[list[Any], float]:
     """One row of the table, and the pull of its factor."""
-    record = measure_project(project, displacement_path=home / "displacement.csv")
+    record = measure_rotation(project, displacement_path=home / "displacement.csv")
     truth = load_truth(home)
     model = read_model(project / "sparse" / "0")
     number = {image: k for k, image in enumerate(model.image_names)}

@@ -20,7 +20,7 @@ from semsfm_colmap.config import Config
 from semsfm_colmap.evaluation.truth import Truth, load_truth
 from semsfm_colmap.geometry.alignment import align_rotations
 from semsfm_colmap.geometry.rotations import depth_reversed, rotation_angle
-from semsfm_colmap.pipeline.goniometer import measure_project
+from semsfm_colmap.pipeline.goniometer import measure_rotation
 from semsfm_colmap.pipeline.runner import run_stages
 
 BELT = BELTS[5]
@@ -119,7 +119,7 @@ def row(case: Case, home: Path, folder: Path) -> list[object]:
     config = config_of(case, folder, BELT)
     record = run_stages(project, config, names=STAGES, image_path=folder / "images")
     said = [note for note in record.notes() if "displacement" in note or "known tilt" in note]
-    found = measure_project(project)
+    found = measure_rotation(project)
     return [
         case.name,
         case.displacements,

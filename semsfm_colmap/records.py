@@ -481,6 +481,8 @@ class GoniometerImage:
     shift_um: tuple[float, float] | None
     axis_offset_deg: tuple[float, float]
     """the axis in this image against the common one: within the image plane, and out of it"""
+    axis_sigma_deg: tuple[float, float] | None
+    """of these two"""
     move: tuple[float, float, float] | None
     """of the stage in x, y, z from the first image, in `move_unit`: keeps the next run centred"""
 

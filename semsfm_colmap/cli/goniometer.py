@@ -29,10 +29,10 @@ class Arguments:
 
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
-    from semsfm_colmap.pipeline.goniometer import measure_project
+    from semsfm_colmap.pipeline.goniometer import measure_rotation
 
     parsed = parse(Arguments, list(arguments), "goniometer", DESCRIPTION)
-    measure_project(
+    measure_rotation(
         parsed.project_path,
         displacement_path=parsed.displacement,
         reporter=verbosity(False, parsed.quiet),

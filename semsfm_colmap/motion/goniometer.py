@@ -67,6 +67,8 @@ class Goniometer:
     axis_offset_rad: Float
     """(M, 2) where each image puts the axis against the fitted one: in the image plane, from x
     toward y, and out of it, away from the viewer"""
+    axis_offset_sigma_rad: Float | None
+    """(M, 2) of these"""
     path: SpecimenPath
     displacement: ReadoutLine | None
     """of the images that have one; None where too few have, or they do not differ"""
@@ -121,15 +123,16 @@ def measure_goniometer(
     if line is None and stage is not None and stage.slope < 0.0:
         series = _the_other_way(series)
         stage = _line(tilted, series.angle_rad, angles)
-    axis_sigma, world_sigma = _axis_sigmas(R[images], series, C)
+    axis = _axis_errors(R[images], series, C)
     return Goniometer(
         images=images,
         in_order=in_order,
         series=series,
         angle_sigma_rad=None if angles is None else np.sqrt(np.diag(centred(angles))),
-        axis_sigma_rad=axis_sigma,
-        axis_world_sigma_rad=world_sigma,
+        axis_sigma_rad=axis.camera_rad,
+        axis_world_sigma_rad=axis.world_rad,
         axis_offset_rad=R[images] @ series.axis_world @ image_frame_of_axis(series.axis_camera),
+        axis_offset_sigma_rad=None if C is None else axis.offset_rad,
         path=specimen_path(cameras.select(images), centre, series),
         displacement=line,
         tilt=stage,
@@ -207,8 +210,19 @@ def image_frame_of_axis(axis: Float) -> Float:
     return np.stack([inside, np.cross(axis, inside)], axis=1)
 
 
-def _axis_sigmas(R: Float, series: AxisRotation, covariance: Float | None) -> tuple[float, float]:
-    """Largest standard deviation of the axis in the camera frame and in that of the first image."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _AxisErrors:
+    """Standard deviations of the axis; the first two in the direction where it is largest."""
+
+    camera_rad: float
+    world_rad: float
+    """in the frame of the first image"""
+    offset_rad: Float
+    """(M, 2) of where each image puts it against the fitted one, by the errors of the poses"""
+
+
+def _axis_errors(R: Float, series: AxisRotation, covariance: Float | None) -> _AxisErrors:
+    """The module's linear fit of the axis, with what it makes of all errors."""
     M, a, w = len(R), series.axis_camera, series.axis_world
     T, T_w = image_frame_of_axis(a), image_frame_of_axis(w)
     turned = T.T @ R @ T_w
@@ -224,12 +238,17 @@ def _axis_sigmas(R: Float, series: AxisRotation, covariance: Float | None) -> tu
         joint = blocks.reshape(2 * M, 2 * M)
     freedom = max(2 * M - 4, 1)
     scatter = 1.4826 * float(np.median(np.abs(rest @ said))) * math.sqrt(2 * M / freedom)
-    wobble = max(scatter**2 - float(np.sum((rest @ joint) * rest)) / freedom, 0.0)
+    left = np.sum((rest @ joint) * rest, axis=1)
+    wobble = max(scatter**2 - float(left.sum()) / freedom, 0.0)
     camera, world = K[:2], turned[0] @ K[2:]
     with_first = world - np.eye(2, 2 * M)
     of_camera = camera @ joint @ camera.T + wobble * camera @ camera.T
     of_world = with_first @ joint @ with_first.T + wobble * world @ world.T
-    return _largest_sigma(of_camera), _largest_sigma(of_world)
+    return _AxisErrors(
+        camera_rad=_largest_sigma(of_camera),
+        world_rad=_largest_sigma(of_world),
+        offset_rad=np.sqrt(np.maximum(left, 0.0)).reshape(M, 2),
+    )
 
 
 def _largest_sigma(covariance: Float) -> float:

@@ -154,6 +154,8 @@ def _images(
     if found.displacement is not None:
         residual[np.isfinite(value)] = np.rad2deg(found.displacement.residual_rad)
     shift, offset = found.path.shift_px, np.rad2deg(found.axis_offset_rad)
+    bars = found.axis_offset_sigma_rad
+    bars = None if bars is None else np.rad2deg(bars)
     circle = found.path.circle
     unit = pixel_size_um or 1.0
     moves = None if circle is None else unit * circle.moves_px
@@ -168,6 +170,7 @@ def _images(
             if pixel_size_um is None
             else (float(unit * shift[k, 0]), float(unit * shift[k, 1])),
             axis_offset_deg=(float(offset[k, 0]), float(offset[k, 1])),
+            axis_sigma_deg=None if bars is None else (float(bars[k, 0]), float(bars[k, 1])),
             move=None
             if moves is None
             else (float(moves[k, 0]), float(moves[k, 1]), float(moves[k, 2])),

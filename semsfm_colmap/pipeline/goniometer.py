@@ -26,7 +26,7 @@ VERSION = 1
 MOVES_FILE = "stage_moves.csv"
 
 
-def measure_project(
+def measure_rotation(
     project_path: Path | str,
     *,
     displacement_path: Path | None = None,

@@ -75,17 +75,22 @@ def axis_per_frame(data: FigureData) -> Figure | str:
     record = data.inputs.goniometer
     if record is None:
         return NOT_MEASURED
-    inside = _column(record, lambda image: image.axis_offset_deg[0])
-    outside = _column(record, lambda image: image.axis_offset_deg[1])
-    x = np.arange(1, len(inside) + 1)
+    images = record.images.values()
+    offset = np.array([image.axis_offset_deg for image in images])
+    bars = np.array([image.axis_sigma_deg or (0.0, 0.0) for image in images])
+    x = np.arange(1, len(offset) + 1)
     figure = new_figure(8.0, 3.4)
     top, bottom = figure.subplots(2, 1, sharex=True, sharey=True)
-    for axes, value, title in (
-        (top, inside, "within the image plane, from x toward y"),
-        (bottom, outside, "out of the image plane, away from the viewer"),
+    red = " (red: 1 σ)" if bars.any() else ""
+    for axes, k, title in (
+        (top, 0, f"within the image plane, from x toward y{red}"),
+        (bottom, 1, f"out of the image plane, away from the viewer{red}"),
     ):
         axes.axhline(0.0, color=GREY, linewidth=0.8, linestyle="--")
-        axes.plot(x, value, color=BLUE, linewidth=0.9, marker="o", markersize=marker_size(len(x)))
+        axes.errorbar(
+            x, offset[:, k], yerr=bars[:, k], color=BLUE, linewidth=0.9, marker="o",
+            markersize=marker_size(len(x)), elinewidth=0.9, ecolor=RED,
+        )  # fmt: skip
         dress(axes, ylabel="axis [°]", title=title)
     bottom.set_xlabel("frame, in the order of acquisition", fontsize=9)
     if not record.in_order:

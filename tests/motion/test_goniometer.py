@@ -180,6 +180,21 @@ def test_pulls_of_the_axis_under_wobble_and_correlated_errors_of_the_poses(range
     assert 0.8 < np.sqrt(np.mean(np.square(pulls))) < 1.7
 
 
+def test_the_axis_of_an_image_errs_as_its_pose_does():
+    angles = np.linspace(0.0, 350.0, 40)
+    clean, own = rotations(angles), 1e-3
+    covariance = own**2 * np.eye(3 * len(angles))
+    off = []
+    for seed in range(40):
+        error = own * np.random.default_rng(seed).normal(size=(len(angles), 3))
+        R = Rotation.from_rotvec(error).as_matrix() @ clean
+        found = measured(R, covariance=covariance)
+        off.append(found.axis_offset_rad)
+    np.testing.assert_allclose(found.axis_offset_sigma_rad, own, rtol=0.08)
+    assert np.std(off) == pytest.approx(np.mean(found.axis_offset_sigma_rad), rel=0.05)
+    assert measured(clean).axis_offset_sigma_rad is None
+
+
 def test_the_axis_of_an_image_is_said_in_the_image_plane_and_out_of_it():
     np.testing.assert_allclose(
         image_frame_of_axis(np.array([1.0, 0.0, 0.0])), [[0, 0], [1, 0], [0, 1]], atol=1e-15

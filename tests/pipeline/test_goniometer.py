@@ -7,7 +7,7 @@ import pytest
 
 from semsfm_colmap.cli.main import main
 from semsfm_colmap.errors import InputError, SemSfmError, UsageError
-from semsfm_colmap.pipeline.goniometer import measure_project, read_goniometer, stage_moves
+from semsfm_colmap.pipeline.goniometer import measure_rotation, read_goniometer, stage_moves
 from semsfm_colmap.pipeline.project import Project
 from tests.report.test_goniometer import inputs_of, noisy
 
@@ -32,7 +32,7 @@ def table_of(project, path, deg_per_um=FACTOR, noise_deg=0.05):
 
 
 def test_a_project_is_measured_against_a_table_and_its_report_has_a_section(project, tmp_path):
-    record = measure_project(project, displacement_path=table_of(project, tmp_path / "d.csv"))
+    record = measure_rotation(project, displacement_path=table_of(project, tmp_path / "d.csv"))
     factor = record.conversion_deg_per_um
     assert abs(factor.value - FACTOR) < 3 * factor.sigma
     assert factor.sigma < 0.02 * FACTOR
@@ -50,7 +50,7 @@ def test_a_project_is_measured_against_a_table_and_its_report_has_a_section(proj
 
 
 def test_the_sigma_of_the_conversion_holds_that_of_the_total_rotation(project, tmp_path):
-    record = measure_project(
+    record = measure_rotation(
         project, displacement_path=table_of(project, tmp_path / "d.csv", noise_deg=0.0)
     )
     said = json.loads((project / "sparse/0/orthographic.json").read_text())["reliability"]
@@ -60,7 +60,7 @@ def test_the_sigma_of_the_conversion_holds_that_of_the_total_rotation(project, t
 
 
 def test_without_displacements_there_is_an_axis_and_no_conversion(project):
-    record = measure_project(project)
+    record = measure_rotation(project)
     assert record.conversion_deg_per_um is None
     assert record.axis_camera_sigma_deg > 0.0
     assert read_goniometer(Project(project)) == record
@@ -77,14 +77,14 @@ def test_the_table_of_moves_has_a_line_an_image_and_starts_at_rest():
 
 
 def test_few_images_give_no_moves_and_that_is_said(project):
-    record = measure_project(project)
+    record = measure_rotation(project)
     assert stage_moves(record) == ""
     assert not (project / "report" / "stage_moves.csv").exists()
     assert any("no stage moves" in note for note in record.notes)
 
 
 def test_what_was_measured_on_another_model_is_no_longer_shown(project):
-    measure_project(project)
+    measure_rotation(project)
     sidecar = project / "sparse/0/orthographic.json"
     sidecar.write_text(sidecar.read_text() + "\n")
     assert read_goniometer(Project(project)) is None
@@ -111,6 +111,6 @@ def test_a_bad_table_ends_the_command_with_one_sentence(project, tmp_path, capsy
 
 def test_folders_without_a_model_are_refused(tmp_path):
     with pytest.raises(UsageError, match="is not a folder"):
-        measure_project(tmp_path / "nothing")
+        measure_rotation(tmp_path / "nothing")
     with pytest.raises((InputError, SemSfmError)):
-        measure_project(tmp_path)
+        measure_rotation(tmp_path)

@@ -23,6 +23,12 @@ def run(on: StageRun) -> ReportRecord:
     densified = record.result("densify", DensifyRecord)
     # the report says itself what the series and the verdict on the hand say
     said = [n for n in record.notes() if n != reconstruction.depth_sign.message]
+    goniometer = read_goniometer(project)
+    if goniometer is None and (project.report / GONIOMETER_FILE).is_file():
+        said.append(
+            f"report/{GONIOMETER_FILE} is of another model and is not shown: run `semsfm "
+            "goniometer` again"
+        )
     mesh_file, cloud_file = project.mesh / "mesh.ply", project.dense / "fused.ply"
     inputs = ReportInputs(
         reconstruction=reconstruction,
@@ -38,7 +44,7 @@ def run(on: StageRun) -> ReportRecord:
         guided=None if mapped is None else mapped.diagnostics.guided,
         reliability=None if mapped is None else mapped.reliability,
         tilt=None if mapped is None else mapped.diagnostics.tilt,
-        goniometer=read_goniometer(project),
+        goniometer=goniometer,
         mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
         surface_halves=None if densified is None else densified.half_series,
