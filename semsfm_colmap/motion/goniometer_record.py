@@ -22,6 +22,9 @@ from semsfm_colmap.records import (
 )
 from semsfm_colmap.types import Float
 
+RETRACED = 1.5
+"""A series whose steps add up to this many times its range goes there and back."""
+
 
 def goniometer_record(
     found: Goniometer,
@@ -121,11 +124,16 @@ def _steps(found: Goniometer, names: Sequence[str]) -> StepFigures:
 
 
 def _turn(found: Goniometer) -> TurnFigures | None:
-    if not found.series.is_full_turn:
+    """The step that closes one turn, where the images make just one, all one way."""
+    series = found.series
+    step = float(np.median(series.step_rad))
+    one_way = float(np.abs(series.step_rad).sum()) < RETRACED * series.range_rad
+    if not series.is_full_turn or not one_way or series.range_rad > 2.0 * np.pi + abs(step):
         return None
-    closing = float(np.rad2deg(found.series.closing_step_rad))
-    step = float(np.rad2deg(np.median(found.series.step_rad)))
-    return TurnFigures(closing_step_deg=closing, minus_median_step_deg=closing - step)
+    return TurnFigures(
+        closing_step_deg=float(np.rad2deg(series.closing_step_rad)),
+        minus_median_step_deg=float(np.rad2deg(series.closing_step_rad - step)),
+    )
 
 
 def _eccentricity(path: SpecimenPath, pixel_size_um: float | None) -> EccentricityFigures | None:

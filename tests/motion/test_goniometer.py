@@ -136,6 +136,26 @@ def test_nanometres_in_a_column_of_micrometres_are_noticed():
     assert "millimetres" in unit_doubt(1000.0 * FACTOR)
 
 
+@pytest.mark.parametrize(
+    ("angles", "closing_deg"),
+    [
+        (np.arange(0.0, 356.0, 5.0), 5.0),
+        (-np.arange(0.0, 356.0, 5.0), 5.0),
+        (np.arange(0.0, 180.0, 5.0), None),
+        (np.arange(0.0, 900.0, 20.0), None),
+        (np.concatenate([np.arange(0.0, 356.0, 5.0), np.arange(355.0, -1.0, -5.0)]), None),
+    ],
+    ids=["a turn", "backward", "half a turn", "several turns", "there and back"],
+)
+def test_one_turn_is_closed_by_a_step_and_other_series_by_none(angles, closing_deg):
+    record = recorded(measured(rotations(angles)), np.full(len(angles), np.nan))
+    if closing_deg is None:
+        assert record.turn is None
+    else:
+        assert record.turn.closing_step_deg == pytest.approx(closing_deg)
+        assert record.turn.minus_median_step_deg == pytest.approx(0.0, abs=1e-9)
+
+
 def test_nothing_that_turns_gives_no_goniometer():
     assert measured(rotations(np.zeros(8))) is None
 
