@@ -414,6 +414,128 @@ class ReportRecord(StageRecord):
     num_metrics: int
 
 
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A number with its standard deviation."""
+
+    value: float
+    sigma: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadoutFigures:
+    """Angles against what an actuator or a stage read, see docs/goniometer.md."""
+
+    hysteresis_deg: Estimate | None
+    """angle where the read-out rises minus where it falls; None where it runs one way only"""
+    scatter_deg: float
+    """robust standard deviation of an angle about the line: the repeatability of the read-out"""
+    bend_deg: Estimate
+    """departure from a straight line at the ends of the range, by a parabola"""
+    is_straight: bool
+    outliers: tuple[str, ...]
+    """images whose read-out does not fit the others"""
+    num_images: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepFigures:
+    """Evenness of the steps from image to image."""
+
+    median_deg: float
+    scatter_deg: float
+    """robust standard deviation about the median"""
+    largest_departure_deg: float
+    """from the median, signed"""
+    largest_departure_image: str
+    """that the step leads to"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TurnFigures:
+    """The step that closes a full turn."""
+
+    closing_step_deg: float
+    """from the last image on to the first"""
+    minus_median_step_deg: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class EccentricityFigures:
+    """The specimen's centre beside the axis, and the drift that goes with the turn."""
+
+    radius_px: Estimate
+    radius_um: Estimate | None
+    drift_px_per_turn: tuple[float, float]
+    rest_px_rms: tuple[float, float]
+    """what circle and drift leave: the path of the rotation axis in x and y"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoniometerImage:
+    """One image; None where something is not known."""
+
+    angle_deg: float
+    """about the axis, from the first image"""
+    sigma_deg: float | None
+    """against the mean of all angles"""
+    displacement_um: float | None
+    residual_deg: float | None
+    """seen angle minus the line"""
+    shift_px: tuple[float, float]
+    """of the specimen's centre from its mean place"""
+    shift_um: tuple[float, float] | None
+    axis_offset_deg: tuple[float, float]
+    """the axis in this image against the common one: within the image plane, and out of it"""
+    axis_sigma_deg: tuple[float, float] | None
+    """of these two"""
+    move: tuple[float, float, float] | None
+    """of the stage in x, y, z from the first image, in `move_unit`: keeps the next run centred"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoniometerRecord:
+    """The motion as a rotation by an actuator: report/goniometer.json."""
+
+    model: str
+    """digest of the model that it was measured on"""
+    in_order: bool
+    """False where the images were not in the order of the rotation"""
+    conversion_deg_per_um: Estimate | None
+    """None without displacements"""
+    displacement_source: str | None
+    displacement: ReadoutFigures | None
+    tilt_ratio: Estimate | None
+    """angle over the tilt that the stage recorded; None where none is recorded"""
+    tilt: ReadoutFigures | None
+    axis_camera: tuple[float, ...]
+    axis_camera_sigma_deg: float
+    axis_world: tuple[float, ...]
+    axis_world_sigma_deg: float
+    axis_in_image_deg: float
+    """from x toward y"""
+    axis_out_of_image_deg: float
+    """away from the viewer"""
+    range_deg: float
+    wobble_deg_rms: float
+    steps: StepFigures
+    turn: TurnFigures | None
+    """None unless the images go round"""
+    eccentricity: EccentricityFigures | None
+    """None where the rotation is too small to tell a circle from a drift"""
+    move_unit: Literal["um", "px"]
+    images: Mapping[str, GoniometerImage]
+    """in the order of acquisition, or of rotation where they were not in order"""
+    order: tuple[str, ...]
+    """names by angle"""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def hysteresis_deg(self) -> Estimate | None:
+        """Of the actuator."""
+        return None if self.displacement is None else self.displacement.hysteresis_deg
+
+
 def to_plain(record: Any) -> dict[str, Any]:
     """A record as dicts, lists, numbers and strings, ready for JSON."""
     return asdict(record)

@@ -25,6 +25,8 @@ MODULES = (
     "geometry.alignment",
     "geometry.epipolar",
     "geometry.rotations",
+    "motion.order",
+    "motion.readout",
     "segmentation.transfer",
     "surface.stereo.undrift",
     "synthetic.series",

@@ -61,6 +61,11 @@ COMMANDS: tuple[Command, ...] = (
         module="segment",
     ),
     Command(
+        name="goniometer",
+        help="how the specimen was turned: axis, angles, degrees per um of the actuator, drift",
+        module="goniometer",
+    ),
+    Command(
         name="export",
         help="the model as other programs read it: COLMAP, OpenMVS, nerfstudio, PLY, ...",
         module="export",

@@ -21,6 +21,9 @@ class IngestOptions:
     overrides what the files say."""
     tilt_step_deg: float | None = None
     """Nominal tilt between consecutive images, where neither files nor table give a tilt."""
+    degrees_per_um: float | None = None
+    """Calibrated rotation per displacement of the actuator: the displacements in the table are then
+    known tilts, where none are. Not needed: without it the images say what it is."""
     tilt_axis: str = "auto"
     """Direction of the tilt axis in the images: auto, x, y, or degrees from x toward y. The images
     show it better than one can say it; where they contradict, that is reported."""

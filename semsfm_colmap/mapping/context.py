@@ -43,6 +43,8 @@ class SeriesContext:
     pixel_size_source: str = "none"
     tilt: TiltPrior | None = None
     """known angles; used as a prior where the images do not contradict them"""
+    displacement_um: Float | None = None
+    """(M,) of the actuator that turned the specimen, nan where none is recorded; None: nowhere"""
     guide: Guide | None = None
     """None: no second pass"""
     scanned: bool = False

@@ -21,7 +21,7 @@ from semsfm_colmap.mapping.flat import find_flat, flat_note, settle_flat
 from semsfm_colmap.mapping.guided import Guided, refine_guided
 from semsfm_colmap.mapping.no_depth import without_depth
 from semsfm_colmap.mapping.perspective import Straight, judge_perspective, straighten
-from semsfm_colmap.mapping.tilt import with_known_tilt
+from semsfm_colmap.mapping.tilt import displacement_notes, with_known_tilt
 from semsfm_colmap.motion.prior import TiltPrior
 from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
 from semsfm_colmap.records import FilteringRound
@@ -205,6 +205,7 @@ def settle(
         comparison = replace(comparison, rungs=comparison.rungs[:1], alive=())
     else:
         value, agreement, notes = with_known_tilt(context, value, displacement)
+        notes = [*notes, *displacement_notes(context, value)]
     gap = first.start.figures.eigenvalue_gap
     if gap is not None and gap < WEAK_GAP:
         notes = [WEAK_NOTE, *notes]

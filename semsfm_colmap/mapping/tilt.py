@@ -8,7 +8,7 @@ import numpy as np
 
 from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.mapping.context import SeriesContext
-from semsfm_colmap.motion.check import check_tilt
+from semsfm_colmap.motion.check import check_displacements, check_tilt
 from semsfm_colmap.motion.combine import combine_tilt
 from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import TiltAgreement
@@ -73,3 +73,20 @@ def with_known_tilt(
         f"({tilt.source}) the angles changed by {100 * (combined.stretch - 1):+.2f} %"
     )
     return adjusted, agreement, [note]
+
+
+def displacement_notes(context: SeriesContext, refined: Refined) -> list[str]:
+    """Whether the actuator's displacements follow the angles that the images show.
+
+    Their factor is free, so that they say no more than how the angles lie to one another, and that
+    the images know better: the model is the same with and without them.
+    """
+    if context.displacement_um is None:
+        return []
+    images = refined.images
+    sentence = check_displacements(
+        context.displacement_um[images],
+        context.names_of(images),
+        np.asarray(refined.cameras.cam_from_world),
+    )
+    return [] if sentence is None else [sentence]

@@ -68,7 +68,7 @@ class AxisRotation:
         return float(-((-step + np.pi) % (2.0 * np.pi) - np.pi))
 
 
-def _frame_with_third_axis(axis: Float) -> Float:
+def frame_with_third_axis(axis: Float) -> Float:
     """A right-handed orthonormal frame whose third column is `axis`: (3,) -> (3, 3)."""
     helper = np.eye(3)[np.argmin(np.abs(axis))]
     first = np.cross(helper, axis)
@@ -95,7 +95,7 @@ def fit_axis(cam_from_world: Float) -> AxisRotation | None:
         offset = np.linalg.norm(R @ axis_world - axis_camera, axis=1)
         spread = max(1.4826 * float(np.median(offset)), MIN_ROTATION_RAD)
         weight = 1.0 / (1.0 + (offset / (CAUCHY_TUNING * spread)) ** 2)
-    S = _frame_with_third_axis(axis_camera).T @ R @ _frame_with_third_axis(axis_world)
+    S = frame_with_third_axis(axis_camera).T @ R @ frame_with_third_axis(axis_world)
     phi = np.unwrap(np.arctan2(S[:, 1, 0] - S[:, 0, 1], S[:, 0, 0] + S[:, 1, 1]))
     sign = -1.0 if np.median(np.diff(phi)) < 0.0 else 1.0
     predicted = R @ axis_world

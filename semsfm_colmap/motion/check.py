@@ -17,6 +17,7 @@ import numpy as np
 from semsfm_colmap.io.wording import abbreviate
 from semsfm_colmap.motion.axis import AxisRotation, fit_axis
 from semsfm_colmap.motion.prior import MIN_RANGE_DEG, TiltPrior, known_tilts
+from semsfm_colmap.motion.readout import fit_readout, follow_readout
 from semsfm_colmap.motion.small_tilt import MAX_DRIFT, tilt_error, tilt_tolerance
 from semsfm_colmap.types import Bool, Float
 
@@ -26,6 +27,11 @@ AXIS_TOLERANCE_DEG = 5.0
 """A stage's axis is aligned with the scan to a few degrees, and often read by eye."""
 MAX_ROUGHNESS = 4.0
 """Scatter about the line, in standard deviations of the prior, above which frames are named."""
+
+
+MAX_DEPARTURE = 0.02
+"""Share of the rotation by which displacements may depart from proportion: belts and stages are
+straight to one or two percent."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,7 +66,9 @@ def check_tilt(prior: TiltPrior, image_names: Sequence[str], cam_from_world: Flo
     rows = np.isfinite(known)
     axis = fit_axis(cam_from_world)
     axis_note = _axis_note(prior, axis)
-    seen = np.zeros(len(known)) if axis is None else axis.angle_rad
+    seen = np.zeros(len(known)) if axis is None else np.array(axis.angle_rad)
+    # images in no order have their whole turns by the known tilts, not by the image before
+    seen[rows] = follow_readout(seen[rows], known[rows])
     line = tilt_line(known[rows], seen[rows])
     if line is None:
         notes = (_why_no_line(prior, rows), axis_note)
@@ -113,6 +121,47 @@ def tilt_line(known_rad: Float, seen_rad: Float) -> TiltLine | None:
         scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
         weight = np.minimum(1.0, 1.345 * scale / np.maximum(np.abs(residual), 1e-12))
     return TiltLine(slope=slope, residual_rad=y - slope * x - offset)
+
+
+def check_displacements(
+    displacement_um: Float, image_names: Sequence[str], cam_from_world: Float
+) -> str | None:
+    """A sentence on whether displacements (M,) are in proportion to the estimated rotations.
+
+    None where too few are known, they do not differ, or nothing turns.
+
+    Parameters
+    ----------
+    displacement_um : nan where nothing was recorded
+
+    """
+    axis = fit_axis(cam_from_world)
+    known = np.flatnonzero(np.isfinite(displacement_um))
+    if axis is None:
+        return None
+    x = displacement_um[known]
+    line = fit_readout(x, follow_readout(axis.angle_rad[known], x))
+    if line is None:
+        return None
+    turned = abs(line.slope) * float(np.ptp(x))
+    scatter, bend = math.degrees(line.scatter_rad), math.degrees(line.bend_rad)
+    outliers = tuple(image_names[k] for k in known[line.outlier])
+    named = f"; that of {abbreviate(outliers)} does not fit the others" if outliers else ""
+    if line.scatter_rad > MAX_DEPARTURE * turned:
+        return (
+            f"the displacements do not follow the rotation: about {scatter:.1f} degrees off in "
+            f"{math.degrees(turned):.0f}: check the table; they are not obeyed{named}"
+        )
+    if not line.is_straight and abs(line.bend_rad) > MAX_DEPARTURE * turned:
+        return (
+            f"the displacements are not in proportion to the rotation, which departs by {bend:.1f} "
+            f"degrees in {math.degrees(turned):.0f} from a straight line; they are not obeyed"
+            f"{named}"
+        )
+    return (
+        f"the displacements follow the rotation: {abs(math.degrees(line.slope)):.4g} degrees per "
+        f"um, {scatter:.2f} degrees off a straight line{named}"
+    )
 
 
 def _why_no_line(prior: TiltPrior, rows: Bool) -> str:

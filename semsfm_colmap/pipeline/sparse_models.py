@@ -57,7 +57,7 @@ def map_series(
     guide, write_guided : the images for the guided pass, and where the keypoints it adds are put
 
     """
-    from semsfm_colmap.ingest.series.tilt import tilt_prior
+    from semsfm_colmap.ingest.series.tilt import recorded_displacements, tilt_prior
     from semsfm_colmap.mapping.context import SeriesContext
     from semsfm_colmap.mapping.keypoints import append_keypoints
     from semsfm_colmap.mapping.parts import map_parts
@@ -75,6 +75,7 @@ def map_series(
         pixel_size_um=series.pixel_size_um,
         pixel_size_source=series.pixel_size_source,
         tilt=tilt_prior(series, config.ingest),
+        displacement_um=recorded_displacements(series),
         guide=guide,
         scanned=any(frame.scanned for frame in series.frames),
         seed=config.seed,

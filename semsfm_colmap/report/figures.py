@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from semsfm_colmap.report import (
     figures_frames,
+    figures_goniometer,
     figures_overview,
     figures_residuals,
     figures_scene,
@@ -108,14 +109,36 @@ FIGURES = (
 )
 
 
+GONIOMETER_FIGURES = (
+    FigureKind(
+        name="goniometer_line",
+        caption="Angle of the specimen against the displacement of its actuator.",
+        draw=figures_goniometer.angle_against_displacement,
+    ),
+    FigureKind(
+        name="goniometer_axis",
+        caption="The rotation axis in each frame against the common one.",
+        draw=figures_goniometer.axis_per_frame,
+    ),
+    FigureKind(
+        name="goniometer_path",
+        caption="The specimen's centre in the frames, from its mean place; first and last frame "
+        "are numbered.",
+        draw=figures_goniometer.specimen_path,
+    ),
+)
+"""Drawn where `semsfm goniometer` has measured."""
+
+
 def draw_figures(
     inputs: ReportInputs, metrics: Metrics, options: ReportOptions | None = None
 ) -> tuple[DrawnFigure, ...]:
-    """Draw all figures in the order of `FIGURES`."""
+    """Draw all figures in the order of `FIGURES`, and those of the goniometer where it measured."""
     dpi = (options or ReportOptions()).figure_dpi
     data = gather(inputs, metrics)
     drawn = []
-    for kind in FIGURES:
+    further = () if inputs.goniometer is None else GONIOMETER_FIGURES
+    for kind in (*FIGURES, *further):
         result = kind.draw(data)
         if isinstance(result, str):
             figure = DrawnFigure(name=kind.name, caption=kind.caption, png=None, reason=result)

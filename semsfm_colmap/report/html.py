@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from importlib import resources
 
-from semsfm_colmap.report.figures import DrawnFigure
+from semsfm_colmap.report.figures import GONIOMETER_FIGURES, DrawnFigure
+from semsfm_colmap.report.html_goniometer import goniometer_table
 from semsfm_colmap.report.html_parts import bullets, hint, image, script_json, section, text
 from semsfm_colmap.report.html_tables import (
     guided_table,
@@ -38,8 +39,9 @@ CAVEATS = (
 SCENE_FIGURE = "scene"
 GRID_SWITCH = '<label><input type="checkbox" id="grid-switch"> grid</label>'
 SECTIONS = (
-    ("scene-section", "Scene"), ("figures", "Figures"), ("images", "Images"), ("pairs", "Matches"),
-    ("rounds", "Filtering"), ("guided", "Guided pass"), ("run", "Run"),
+    ("scene-section", "Scene"), ("figures", "Figures"), ("goniometer", "Goniometer"),
+    ("images", "Images"), ("pairs", "Matches"), ("rounds", "Filtering"),
+    ("guided", "Guided pass"), ("run", "Run"),
 )  # fmt: skip
 
 
@@ -91,11 +93,27 @@ def _scene(scene: Scene | None, picture: DrawnFigure | None) -> str:
     return section("Scene", body, anchor="scene-section")
 
 
+def _goniometer(inputs: ReportInputs, figures: Sequence[DrawnFigure]) -> str:
+    record = inputs.goniometer
+    if record is None:
+        body = hint(
+            "Not measured; semsfm goniometer relates the rotation to the actuator's reading."
+        )
+        return section("Goniometer", body, anchor="goniometer")
+    body = goniometer_table(record)
+    body += bullets(record.notes) if record.notes else ""
+    return section("Goniometer", body + _drawn(figures), anchor="goniometer")
+
+
 def _figures(figures: Sequence[DrawnFigure]) -> str:
+    return section("Figures", _drawn(figures), anchor="figures")
+
+
+def _drawn(figures: Sequence[DrawnFigure]) -> str:
+    """The figures side by side, and why some are not there."""
     drawn = "".join(image(f.png, f.caption) for f in figures if f.png is not None)
     absent = [f"Not drawn: {f.name.replace('_', ' ')}, {f.reason}." for f in figures if not f.png]
-    body = f'<div class="figures">{drawn}</div>' + "".join(hint(line) for line in absent)
-    return section("Figures", body, anchor="figures")
+    return f'<div class="figures">{drawn}</div>' + "".join(hint(line) for line in absent)
 
 
 def render_page(
@@ -110,6 +128,7 @@ def render_page(
     options = options or ReportOptions()
     scene = build_scene(inputs, options)
     by_name = {figure.name: figure for figure in figures}
+    shown_elsewhere = {SCENE_FIGURE, *(kind.name for kind in GONIOMETER_FIGURES)}
     links = "".join(f'<a href="#{anchor}">{text(title)}</a>' for anchor, title in SECTIONS)
     images_hint = hint(
         "Angles are about the fitted axis, relative to the first registered image; scale is "
@@ -120,7 +139,10 @@ def render_page(
         + _verdict(metrics)
         + section("Summary", summary(metrics), anchor="summary")
         + _scene(scene, by_name.get(SCENE_FIGURE))
-        + _figures([figure for figure in figures if figure.name != SCENE_FIGURE])
+        + _figures([figure for figure in figures if figure.name not in shown_elsewhere])
+        + _goniometer(
+            inputs, [by_name[kind.name] for kind in GONIOMETER_FIGURES if kind.name in by_name]
+        )
         + section("Images", images_table(metrics) + images_hint, anchor="images")
         + section("Matches", pairs_table(metrics, options.max_pair_rows), anchor="pairs")
         + section("Filtering by reprojection error", rounds_table(metrics), anchor="rounds")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.records import (
     FilteringRound,
+    GoniometerRecord,
     GuidedFigures,
     ModelEntry,
     PairStatistics,
@@ -47,6 +48,8 @@ class ReportInputs:
     """Total rotation with its error bar, camera models compared, what leaving an image out does."""
     tilt: TiltAgreement | None = None
     """Known tilts against the angles that the images show; None where none are known."""
+    goniometer: GoniometerRecord | None = None
+    """How the specimen was turned, where `semsfm goniometer` has measured it."""
     models: tuple[ModelEntry, ...] = ()
     """What was written below sparse/; the first is `reconstruction`."""
     mesh: TriangleMesh | None = None

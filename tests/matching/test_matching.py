@@ -51,6 +51,26 @@ def test_few_images_are_matched_exhaustively_and_many_with_neighbours_across_the
     assert all(i < j for i, j in many)
 
 
+def test_shuffled_images_are_matched_with_their_neighbours_in_predicted_angle():
+    options = MatchingOptions(overlap=3)
+    shuffled = np.random.default_rng(0).permutation(40)
+    angle = np.radians(5.0) * shuffled
+    pairs = select_pairs(40, options, angle)
+    places = {tuple(sorted((shuffled[i], shuffled[j]))) for i, j in pairs}
+    assert places == set(select_pairs(40, options))
+    assert all(i < j for i, j in pairs)
+
+
+def test_images_of_several_turns_are_matched_with_those_a_turn_on():
+    angle = np.radians(10.0) * np.arange(80)
+    pairs = set(select_pairs(80, MatchingOptions(overlap=3), angle))
+    assert {(0, 35), (0, 36), (0, 37), (43, 79)} <= pairs
+    assert (0, 18) not in pairs
+    opened = set(select_pairs(80, MatchingOptions(overlap=3, loop_closure=False), angle))
+    assert (0, 36) not in opened
+    assert opened == set(select_pairs(80, MatchingOptions(overlap=3, loop_closure=False)))
+
+
 def test_a_hyperplane_through_four_points_contains_them_and_has_unit_normal():
     points = np.random.default_rng(0).normal(size=(20, 4, 4))
     n, e = hyperplanes_from_samples(points)

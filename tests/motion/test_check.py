@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.motion.check import check_tilt, tilt_line
+from semsfm_colmap.motion.check import check_displacements, check_tilt, tilt_line
 from tests.conftest import DATA
 from tests.motion.turning import AXIS_SEEN_DEG, TILTS, cameras, prior_of
 
@@ -131,3 +131,53 @@ def test_the_nominal_tilts_of_the_rendered_nickel_fit_its_true_poses() -> None:
     assert abs(check.factor) == pytest.approx(1.0, abs=0.005)
     wrong = prior_of([1.2 * v for v in nominal])
     assert not check_tilt(wrong, wrong.image_names, R).consistent
+
+
+def test_displacements_in_proportion_are_said_with_their_factor():
+    angles = np.arange(0.0, 120.0, 5.0)
+    names = [f"{k}.tif" for k in range(len(angles))]
+    said = check_displacements(angles / 150.0, names, cameras(angles))
+    assert "follow the rotation: 150 degrees per um, 0.00 degrees off" in said
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda x, rng: x * (1 + 0.1 * rng.normal(size=len(x))), "do not follow the rotation"),
+        (lambda x, rng: x * (1 + 0.1 * x / x.max()), "not in proportion"),
+    ],
+    ids=["each by 10 percent", "bent by 10 percent"],
+)
+def test_displacements_that_the_images_contradict_are_said_and_not_obeyed(wrong, said):
+    angles = np.arange(0.0, 120.0, 5.0)
+    names = [f"{k}.tif" for k in range(len(angles))]
+    displacement = wrong(angles / 150.0, np.random.default_rng(0))
+    sentence = check_displacements(displacement, names, cameras(angles, noise_deg=0.02))
+    assert said in sentence
+    assert "not obeyed" in sentence
+
+
+def test_one_wrong_displacement_is_named_and_missing_ones_do_not_matter():
+    angles = np.arange(0.0, 120.0, 5.0)
+    names = [f"{k}.tif" for k in range(len(angles))]
+    displacement = angles / 150.0
+    displacement[5] += 0.3
+    displacement[9] = np.nan
+    sentence = check_displacements(displacement, names, cameras(angles, noise_deg=0.05))
+    assert "follow the rotation" in sentence
+    assert "that of 5.tif does not fit" in sentence
+
+
+def test_a_constant_displacement_or_no_rotation_says_nothing():
+    angles = np.arange(0.0, 120.0, 5.0)
+    names = [f"{k}.tif" for k in range(len(angles))]
+    assert check_displacements(np.ones(24), names, cameras(angles)) is None
+    assert check_displacements(angles, names, cameras(0.0 * angles)) is None
+
+
+def test_known_tilts_of_shuffled_images_over_a_turn_agree_with_the_seen_ones():
+    tilts = np.random.default_rng(1).permutation(np.arange(0.0, 355.0, 5.0))
+    names = [f"{k}.tif" for k in range(len(tilts))]
+    check = check_tilt(prior_of(tilts), names, cameras(tilts, noise_deg=0.05))
+    assert check.consistent
+    assert abs(check.factor) == pytest.approx(1.0, abs=0.001)

@@ -48,6 +48,9 @@ def check_options(options: IngestOptions) -> None:
     sigma = options.tilt_sigma_deg
     if sigma is not None and not (math.isfinite(sigma) and sigma > 0):
         raise UsageError(f"tilt_sigma_deg = {sigma} but expected a positive number.")
+    factor = options.degrees_per_um
+    if factor is not None and not (math.isfinite(factor) and factor != 0):
+        raise UsageError(f"degrees_per_um = {factor} but expected degrees per um of displacement.")
     step = options.tilt_step_deg
     if step is not None and not 0 < abs(step) < 90:
         raise UsageError(f"tilt_step_deg = {step} but expected degrees between two images.")

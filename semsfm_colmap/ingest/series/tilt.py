@@ -9,7 +9,7 @@ import numpy as np
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.motion.prior import MIN_RANGE_DEG, TiltPrior
-from semsfm_colmap.types import SemSeries
+from semsfm_colmap.types import Float, SemSeries
 
 SIGMA_TABLE_DEG = 0.2
 SIGMA_STAGE_DEG = 0.5
@@ -29,9 +29,13 @@ def tilt_prior(series: SemSeries, options: IngestOptions) -> TiltPrior | None:
     sources = {f.metadata.source.get("tilt_rad", "") for f in series.frames}
     from_table = any(source.startswith("table ") for source in sources)
     known = np.isfinite(angles)
+    displacement = recorded_displacements(series)
     if known.sum() >= 2 and np.ptp(angles[known]) >= math.radians(MIN_RANGE_DEG):
         default = SIGMA_TABLE_DEG if from_table else SIGMA_STAGE_DEG
         source = "; ".join(sorted(s for s in sources if s))
+    elif options.degrees_per_um is not None and displacement is not None:
+        angles = math.radians(options.degrees_per_um) * displacement
+        default, source = SIGMA_TABLE_DEG, "displacements times degrees_per_um"
     elif options.tilt_step_deg is not None:
         angles = math.radians(options.tilt_step_deg) * np.arange(len(series.frames), dtype=float)
         default = SIGMA_STEP_PART * abs(options.tilt_step_deg)
@@ -50,6 +54,14 @@ def tilt_prior(series: SemSeries, options: IngestOptions) -> TiltPrior | None:
         axis_image_rad=axis,
         source=source,
     )
+
+
+def recorded_displacements(series: SemSeries) -> Float | None:
+    """(M,) of the actuator in um, nan where none is recorded; None where they do not differ."""
+    said = [frame.metadata.displacement_um for frame in series.frames]
+    if len({value for value in said if value is not None}) < 2:
+        return None
+    return np.array([np.nan if value is None else value for value in said], dtype=np.float64)
 
 
 def parse_axis(text: str) -> float | None:

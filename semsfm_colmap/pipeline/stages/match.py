@@ -9,7 +9,11 @@ from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import MatchRecord
 
 if TYPE_CHECKING:
-    from semsfm_colmap.types import AffineTwoViewGeometry, Int
+    from pathlib import Path
+
+    from semsfm_colmap.config import Config
+    from semsfm_colmap.pipeline.project import Project
+    from semsfm_colmap.types import AffineTwoViewGeometry, Float, Int, SemSeries
 
 
 def run(on: StageRun) -> MatchRecord:
@@ -18,14 +22,38 @@ def run(on: StageRun) -> MatchRecord:
     from semsfm_colmap.matching.pairs import select_pairs
 
     project = on.project
-    names = project.read_series().names
+    series = project.read_series()
+    names = series.names
     if on.fresh:
         clear_matches(project.database)
     id_of = {image.name: image.image_id for image in read_images(project.database)}
     ids = [id_of[name] for name in names]
-    pairs = select_pairs(len(ids), on.config.matching)
+    angle = predicted_rotation(series)
+    pairs = select_pairs(len(ids), on.config.matching, angle)
+    if angle is not None:
+        on.reporter.say("pairs: neighbours by the displacements recorded")
     match_pairs(on, names, ids, pairs)
     return verify_pairs(on, names, ids, pairs)
+
+
+def predicted_rotation(series: SemSeries) -> Float | None:
+    """Angles (M,) in rad by the displacements; None where they are not known for all images."""
+    import numpy as np
+
+    from semsfm_colmap.ingest.series.tilt import recorded_displacements
+    from semsfm_colmap.motion.belt import predicted_angles
+
+    displacement = recorded_displacements(series)
+    if displacement is None or np.isnan(displacement).any():
+        return None
+    return predicted_angles(displacement)
+
+
+def files_of_order(project: Project, config: Config) -> Sequence[Path]:
+    """What tells the order of the images, where that is not their names alone."""
+    if not project.series.is_file() or predicted_rotation(project.read_series()) is None:
+        return ()
+    return (project.series,)
 
 
 def match_pairs(
@@ -111,4 +139,5 @@ STAGE = Stage(
     sections=("matching",),
     outputs=lambda p: [p.database],
     run=run,
+    inputs=files_of_order,
 )

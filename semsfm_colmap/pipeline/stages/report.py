@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from semsfm_colmap.io.layout import GONIOMETER_FILE
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import DensifyRecord, MapRecord, MatchRecord, ReportRecord
 
@@ -9,6 +10,7 @@ from semsfm_colmap.records import DensifyRecord, MapRecord, MatchRecord, ReportR
 def run(on: StageRun) -> ReportRecord:
     """Gather what the stages have left, and write the report."""
     from semsfm_colmap.io.ply import read_ply_cloud, read_ply_mesh
+    from semsfm_colmap.pipeline.goniometer import read_goniometer
     from semsfm_colmap.pipeline.record import versions
     from semsfm_colmap.report.inputs import ReportInputs, StageUsage
     from semsfm_colmap.report.metrics_json import metrics_json
@@ -21,6 +23,12 @@ def run(on: StageRun) -> ReportRecord:
     densified = record.result("densify", DensifyRecord)
     # the report says itself what the series and the verdict on the hand say
     said = [n for n in record.notes() if n != reconstruction.depth_sign.message]
+    goniometer = read_goniometer(project)
+    if goniometer is None and (project.report / GONIOMETER_FILE).is_file():
+        said.append(
+            f"report/{GONIOMETER_FILE} is of another model and is not shown: run `semsfm "
+            "goniometer` again"
+        )
     mesh_file, cloud_file = project.mesh / "mesh.ply", project.dense / "fused.ply"
     inputs = ReportInputs(
         reconstruction=reconstruction,
@@ -36,6 +44,7 @@ def run(on: StageRun) -> ReportRecord:
         guided=None if mapped is None else mapped.diagnostics.guided,
         reliability=None if mapped is None else mapped.reliability,
         tilt=None if mapped is None else mapped.diagnostics.tilt,
+        goniometer=goniometer,
         mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
         surface_halves=None if densified is None else densified.half_series,
@@ -55,4 +64,5 @@ STAGE = Stage(
     sections=(),
     outputs=lambda p: [p.report / "report.html", p.report / "metrics.json"],
     run=run,
+    inputs=lambda p, _: [p.report / GONIOMETER_FILE],
 )

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.prepare import prepare_series
+from semsfm_colmap.ingest.series.refusals import check_options
 from semsfm_colmap.ingest.series.tilt import parse_axis, tilt_prior
 from semsfm_colmap.types import SemFrame, SemMetadata, SemSeries
 from tests.ingest.images import save, texture
@@ -40,6 +42,35 @@ def test_a_stage_and_a_table_give_priors_with_their_own_sigma() -> None:
     chosen = tilt_prior(series([0, 5, 10]), IngestOptions(tilt_sigma_deg=1.5))
     assert chosen is not None
     assert chosen.sigma_rad == pytest.approx(radians(1.5))
+
+
+def moved(displacements_um: list[float | None], tilts_deg: list[float | None]) -> SemSeries:
+    frames = tuple(
+        replace(frame, metadata=replace(frame.metadata, displacement_um=um))
+        for frame, um in zip(series(tilts_deg).frames, displacements_um, strict=True)
+    )
+    return SemSeries(frames=frames)
+
+
+def test_a_calibrated_factor_makes_tilts_of_displacements_where_none_are_recorded() -> None:
+    read = moved([0.0, None, 0.2], [None, None, None])
+    prior = tilt_prior(read, IngestOptions(degrees_per_um=150.0))
+    assert prior is not None
+    np.testing.assert_allclose(np.rad2deg(prior.angle_rad), [0.0, np.nan, 30.0])
+    assert prior.source == "displacements times degrees_per_um"
+    # without a factor, or without displacements that differ, nothing is known of the angles
+    assert tilt_prior(read, IngestOptions()) is None
+    same = moved([0.2, None, 0.2], [None, None, None])
+    assert tilt_prior(same, IngestOptions(degrees_per_um=150.0)) is None
+    stage = tilt_prior(moved([0.0, 0.1, 0.2], [0, 5, 10]), IngestOptions(degrees_per_um=150.0))
+    assert stage is not None
+    assert stage.range_rad == pytest.approx(radians(10))
+
+
+@pytest.mark.parametrize("factor", [0.0, float("nan"), float("inf")])
+def test_factors_that_no_belt_has_are_refused(factor: float) -> None:
+    with pytest.raises(UsageError, match="degrees_per_um"):
+        check_options(IngestOptions(degrees_per_um=factor))
 
 
 def test_a_tilt_that_does_not_vary_is_no_prior() -> None:
