@@ -9,9 +9,8 @@ import numpy as np
 
 from semsfm_colmap.exports.fiducials import ViewErrors, view_errors
 from semsfm_colmap.exports.scene import ExportScene, Summary
-from semsfm_colmap.exports.tilt_series import TiltSeries, measured_px
+from semsfm_colmap.exports.tilt_series import HeldCameras, TiltSeries, measured_px
 from semsfm_colmap.io.grey import read_grey
-from semsfm_colmap.types import Float
 
 NAME = "series"
 """What the files of a series are called."""
@@ -38,19 +37,18 @@ def pixel_angstrom(series: TiltSeries, scene: ExportScene) -> float | None:
     return 1e4 / series.px_per_unit if scene.reconstruction.world_unit == "um" else None
 
 
-def errors_of(series: TiltSeries, linear: Float, scene: ExportScene) -> ViewErrors:
-    """Errors with the linear parts of the cameras that a format holds."""
-    return view_errors(linear, series.middle_px, *measured_px(series, scene))
+def errors_of(series: TiltSeries, held: HeldCameras, scene: ExportScene) -> ViewErrors:
+    """Errors with the cameras that a format holds."""
+    return view_errors(held.linear, held.middle_px, *measured_px(series, scene))
 
 
 def write_views(
-    series: TiltSeries, scene: ExportScene, linear: Float, errors: ViewErrors, path: Path
+    series: TiltSeries, scene: ExportScene, held: HeldCameras, errors: ViewErrors, path: Path
 ) -> None:
     """A row a view: names, angles, errors, and what the format drops of it in px (RMS)."""
     image, _, _ = measured_px(series, scene)
-    loss = series.loss_px(linear, scene)
     count = np.maximum(np.bincount(image, minlength=len(scene.names)), 1)
-    rms = np.sqrt(np.bincount(image, loss**2, len(scene.names)) / count)
+    rms = np.sqrt(np.bincount(image, held.loss_px**2, len(scene.names)) / count)
     columns = {
         "rotation_deg": np.degrees(series.rotation_rad),
         "tilt_deg": np.degrees(series.tilt_rad),
@@ -69,21 +67,18 @@ def write_views(
 
 
 def summary(
-    series: TiltSeries, scene: ExportScene, linear: Float, errors: ViewErrors, dropped: str
+    series: TiltSeries, scene: ExportScene, held: HeldCameras, errors: ViewErrors, dropped: str
 ) -> Summary:
     """What export.json says, with a note of what the format cannot hold and how much that is.
 
-    `dropped` names what is in the cameras and not in `linear`; empty where all of it is.
+    `dropped` names what it does not hold.
     """
-    loss = series.loss_px(linear, scene)
+    loss = held.loss_px
     rms, largest = float(np.sqrt(np.mean(loss**2))), float(loss.max(initial=0.0))
-    notes = []
-    if dropped:
-        notes.append(
-            f"the format does not hold {dropped}: {rms:.2g} px RMS over the observations, "
-            f"{largest:.2g} px at most, by view in views.csv"
-        )
-    notes += _notes(scene)
+    loss_note = (
+        f"the format does not hold {dropped}: {rms:.2g} px RMS over the observations, "
+        f"{largest:.2g} px at most, by view in views.csv"
+    )
     return {
         "num_images": len(scene.names),
         "num_points": len(scene.reconstruction.points),
@@ -92,7 +87,7 @@ def summary(
         "leave_out_px": float(np.nanmean(errors.leave_out_px)),
         "rms_deviation_px": rms,
         "max_deviation_px": largest,
-        "notes": notes,
+        "notes": [loss_note, *_notes(scene)],
     }
 
 

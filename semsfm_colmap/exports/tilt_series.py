@@ -110,12 +110,40 @@ class TiltSeries:
         z = np.arctan2(Q[:, 1, 0], Q[:, 0, 0])
         return np.stack([x, y, z], axis=1)
 
-    def loss_px(self, linear: Float, scene: ExportScene) -> Float:
-        """How far cameras with other linear parts (M, 2, 3) see the inlier observations: (O,)."""
-        obs = scene.reconstruction.observations.select(scene.reconstruction.inlier)
-        gap = (linear - self.image_from_tomogram)[obs.image_idx]
-        moved = np.einsum("oij,oj->oi", gap, self.points_px[obs.track_idx])
-        return np.asarray(np.linalg.norm(moved, axis=1))
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeldCameras:
+    """What a format holds of the cameras: ``q = linear_i X' + middle_i``, and how far that is."""
+
+    linear: Float
+    """(M, 2, 3)"""
+    middle_px: Float
+    """(M, 2) image of the tomogram's middle"""
+    loss_px: Float
+    """(O,) distance to what the cameras see, over the inlier observations"""
+
+
+def held_cameras(series: TiltSeries, scene: ExportScene, linear: Float) -> HeldCameras:
+    """Cameras with other linear parts (M, 2, 3), shifted to see the points of each view best.
+
+    The shift of a view is the mean over its points of what the linear part changes: the least
+    squares one.
+    """
+    obs = scene.reconstruction.observations.select(scene.reconstruction.inlier)
+    gap = np.einsum(
+        "oij,oj->oi",
+        (series.image_from_tomogram - linear)[obs.image_idx],
+        series.points_px[obs.track_idx],
+    )
+    num_views = len(linear)
+    count = np.maximum(np.bincount(obs.image_idx, minlength=num_views), 1)
+    sums = [np.bincount(obs.image_idx, gap[:, k], num_views) for k in (0, 1)]
+    shift = np.stack(sums, axis=1) / count[:, None]
+    return HeldCameras(
+        linear=linear,
+        middle_px=series.middle_px + shift,
+        loss_px=np.linalg.norm(gap - shift[obs.image_idx], axis=1),
+    )
 
 
 def tilt_series(scene: ExportScene) -> TiltSeries:

@@ -21,7 +21,7 @@ from semsfm_colmap.exports.tilt_files import (
     write_stack,
     write_views,
 )
-from semsfm_colmap.exports.tilt_series import tilt_series
+from semsfm_colmap.exports.tilt_series import held_cameras, tilt_series
 
 COLUMNS = (
     "# SEC     ROT         GMAG       TX          TY      SMEAN     SFIT    SCALE     BASE     TILT"
@@ -31,8 +31,8 @@ COLUMNS = (
 def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """series.mrc, series.aln, views.csv"""
     series = tilt_series(scene)
-    linear = series.single_axis_rigid
-    errors = errors_of(series, linear, scene)
+    held = held_cameras(series, scene, series.single_axis_rigid)
+    errors = errors_of(series, held, scene)
     width, height = series.size_px
     lines = [
         "# AreTomo Alignment / Priims bprmMn",
@@ -40,7 +40,7 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
         "# NumPatches = 0",
         COLUMNS,
     ]
-    for k, (tx, ty) in enumerate(series.middle_px):
+    for k, (tx, ty) in enumerate(held.middle_px):
         lines.append(
             f"{k:5d}  {np.degrees(series.rotation_rad[k]):10.5f}  {1.0:9.5f}  {tx:10.4f}  "
             f"{ty:10.4f}  {1.0:7.2f}  {1.0:7.2f}  {1.0:7.2f}  {0.0:7.2f}  "
@@ -48,7 +48,7 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
         )
     (folder / f"{NAME}.aln").write_text("\n".join(lines) + "\n", encoding="utf-8")
     write_stack(series, scene, folder / f"{NAME}.mrc")
-    write_views(series, scene, linear, errors, folder / "views.csv")
+    write_views(series, scene, held, errors, folder / "views.csv")
     spread = 100.0 * float(np.ptp(series.magnification))
     dropped = f"{out_of_plane_words(series)}, nor magnifications, which span {spread:.2g} %"
-    return summary(series, scene, linear, errors, dropped)
+    return summary(series, scene, held, errors, dropped)

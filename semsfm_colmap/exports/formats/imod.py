@@ -27,7 +27,7 @@ from semsfm_colmap.exports.tilt_files import (
     write_stack,
     write_views,
 )
-from semsfm_colmap.exports.tilt_series import TiltSeries, measured_px, tilt_series
+from semsfm_colmap.exports.tilt_series import TiltSeries, held_cameras, measured_px, tilt_series
 from semsfm_colmap.types import Float
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
@@ -38,13 +38,13 @@ THICKNESS_MARGIN = 1.2
 def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """series.st, .xf, .tlt, .rawtlt, .xtilt, .prexg, xtilt/, taSolution.log, fiducials.txt"""
     series = tilt_series(scene)
-    linear = series.single_axis
-    errors = errors_of(series, linear, scene)
+    held = held_cameras(series, scene, series.single_axis)
+    errors = errors_of(series, held, scene)
     num_views = len(scene.names)
-    x_tilt, y_tilt, rotation = series.euler_zyx_rad.T
+    no_x_tilt = np.stack([np.zeros(num_views), series.tilt_rad, series.rotation_rad], axis=1)
+    _write_alignment(series, no_x_tilt, held.middle_px, folder)
     (folder / "xtilt").mkdir()
-    _write_alignment(series, series.rotation_rad, series.tilt_rad, np.zeros(num_views), folder)
-    _write_alignment(series, rotation, y_tilt, x_tilt, folder / "xtilt")
+    _write_alignment(series, series.euler_zyx_rad, series.middle_px, folder / "xtilt")
     write_stack(series, scene, folder / f"{NAME}.st")
     _write_transforms(folder / f"{NAME}.prexg", np.tile(IDENTITY, (num_views, 1)))
     recorded = scene.tilt_rad
@@ -52,23 +52,21 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
         _write_angles(folder / f"{NAME}.rawtlt", np.degrees(recorded))
     num_fiducials = _write_fiducials(series, scene, folder / "fiducials.txt", options)
     _write_solution(series, scene, errors, folder / "taSolution.log")
-    write_views(series, scene, linear, errors, folder / "views.csv")
+    write_views(series, scene, held, errors, folder / "views.csv")
     (folder / "commands.txt").write_text(_commands(series), encoding="utf-8")
     return {
-        **summary(series, scene, linear, errors, out_of_plane_words(series)),
+        **summary(series, scene, held, errors, out_of_plane_words(series)),
         "num_fiducials": num_fiducials,
     }
 
 
-def _write_alignment(
-    series: TiltSeries, rotation_rad: Float, tilt_rad: Float, x_tilt_rad: Float, folder: Path
-) -> None:
-    """series.xf, .tlt, .xtilt from angles (M,)."""
-    A = series.turned_back(rotation_rad)
-    shift = -np.einsum("mij,mj->mi", A, series.middle_px)
+def _write_alignment(series: TiltSeries, xyz_rad: Float, middle_px: Float, folder: Path) -> None:
+    """series.xf, .tlt, .xtilt from angles about x, y and z (M, 3) and images of the middle."""
+    A = series.turned_back(xyz_rad[:, 2])
+    shift = -np.einsum("mij,mj->mi", A, middle_px)
     _write_transforms(folder / f"{NAME}.xf", np.hstack([A.reshape(-1, 4), shift]))
-    _write_angles(folder / f"{NAME}.tlt", np.degrees(tilt_rad))
-    _write_angles(folder / f"{NAME}.xtilt", np.degrees(x_tilt_rad))
+    _write_angles(folder / f"{NAME}.tlt", np.degrees(xyz_rad[:, 1]))
+    _write_angles(folder / f"{NAME}.xtilt", np.degrees(xyz_rad[:, 0]))
 
 
 def _write_transforms(path: Path, rows: Float) -> None:

@@ -24,7 +24,7 @@ from semsfm_colmap.exports.tilt_files import (
     write_stack,
     write_views,
 )
-from semsfm_colmap.exports.tilt_series import tilt_series
+from semsfm_colmap.exports.tilt_series import held_cameras, tilt_series
 
 MARGIN = 1.2
 """Of the tomogram over the extent of the points in depth."""
@@ -39,10 +39,10 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
             "relion-star has lengths in Angstrom and this model is in px: give --pixel_size_um to "
             "`semsfm reconstruct`, or use imod or aretomo"
         )
-    linear = series.rigid
-    errors = errors_of(series, linear, scene)
+    held = held_cameras(series, scene, series.rigid)
+    errors = errors_of(series, held, scene)
     angles = np.degrees(series.euler_zyx_rad)
-    shift = angstrom * series.middle_px
+    shift = angstrom * held.middle_px
     tilt = np.degrees(series.tilt_rad)
     nominal = tilt if scene.tilt_rad is None else np.degrees(scene.tilt_rad)
     rows = []
@@ -65,10 +65,10 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     )  # fmt: skip
     _write_star(folder / "tomograms.star", "global", labels, [[str(v) for v in entry]])
     write_stack(series, scene, folder / f"{NAME}.mrcs")
-    write_views(series, scene, linear, errors, folder / "views.csv")
+    write_views(series, scene, held, errors, folder / "views.csv")
     spread = 100.0 * float(np.ptp(series.magnification))
     dropped = f"magnifications, which span {spread:.2g} %"
-    return summary(series, scene, linear, errors, dropped)
+    return summary(series, scene, held, errors, dropped)
 
 
 def _write_star(path: Path, block: str, labels: tuple[str, ...], rows: list[list[str]]) -> None:
