@@ -103,11 +103,17 @@ class TiltSeries:
 
     @property
     def euler_zyx_rad(self) -> Float:
-        """(M, 3) angles x, y, z of ``P_i B^T = R_z R_y R_x``."""
+        """(M, 3) angles x, y, z of ``P_i B^T = R_z R_y R_x``.
+
+        Of the two solutions the one whose y is near the tilt, so that x stays small beyond 90
+        degrees, too.
+        """
         Q = self.rotations
-        x = np.arctan2(Q[:, 2, 1], Q[:, 2, 2])
-        y = -np.arcsin(np.clip(Q[:, 2, 0], -1.0, 1.0))
-        z = np.arctan2(Q[:, 1, 0], Q[:, 0, 0])
+        side = np.where(np.cos(self.tilt_rad) < 0.0, -1.0, 1.0)
+        x = np.arctan2(side * Q[:, 2, 1], side * Q[:, 2, 2])
+        y = np.arctan2(-Q[:, 2, 0], side * np.hypot(Q[:, 0, 0], Q[:, 1, 0]))
+        z = np.arctan2(side * Q[:, 1, 0], side * Q[:, 0, 0])
+        y += 2.0 * np.pi * np.round((self.tilt_rad - y) / (2.0 * np.pi))
         return np.stack([x, y, z], axis=1)
 
 

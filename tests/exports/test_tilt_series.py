@@ -169,6 +169,18 @@ def test_fiducials_lie_on_straight_sinusoids_in_the_aligned_stack(tmp_path) -> N
     assert 0.2 < rms < 0.3  # noise in x and y, less the three parameters of each track
 
 
+def test_fiducials_agree_with_the_x_tilts_where_one_axis_is_not_enough(tmp_path) -> None:
+    made = scene(tmp_path, noise_px=0.2, wobble_deg=3.0, drift=0.01)
+    write(imod, made, tmp_path / "out")
+    rms = []
+    for folder in (tmp_path / "out", tmp_path / "out" / "xtilt"):
+        views = oracle.imod_views(folder)
+        left = oracle.fiducial_residuals(tmp_path / "out", views, SIZE)
+        rms.append(float(np.sqrt(np.mean(left**2))))
+    assert rms[0] > 0.4
+    assert 0.2 < rms[1] < 0.3
+
+
 def test_a_conical_axis_is_absorbed_as_far_as_a_plane_of_directions_can(tmp_path) -> None:
     """Over 40 degrees an axis 1 degree out of the plane costs a tenth of what it does unfitted."""
     made = scene(tmp_path, out_of_plane_deg=1.0, range_deg=40.0)
@@ -198,6 +210,17 @@ def test_a_full_turn_is_unwrapped(tmp_path) -> None:
     steps = np.abs(np.diff(np.degrees(series.tilt_rad)))
     assert steps.min() > 27.0
     assert steps.max() < 31.0
+
+
+def test_x_tilts_stay_small_beyond_90_degrees(tmp_path) -> None:
+    made = scene(tmp_path, range_deg=350.0, out_of_plane_deg=0.5)
+    write(imod, made, tmp_path / "out")
+    x_tilt, tilt = (
+        np.loadtxt(tmp_path / "out/xtilt" / f"series.{kind}") for kind in ("xtilt", "tlt")
+    )
+    assert 0.4 < np.abs(x_tilt).max() < 0.6 / np.abs(np.cos(np.radians(tilt))).min()
+    single = np.loadtxt(tmp_path / "out" / "series.tlt")
+    np.testing.assert_allclose(tilt, single, atol=0.1)
 
 
 def test_the_stack_holds_the_images_lowest_row_first_and_is_read_back_as_they_are(tmp_path) -> None:

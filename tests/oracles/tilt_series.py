@@ -80,6 +80,21 @@ def sinusoid_residuals(tracks: dict[int, np.ndarray]) -> np.ndarray:
     return np.concatenate(found)
 
 
+def fiducial_residuals(folder: Path, views: list[View], size: tuple[int, int]) -> np.ndarray:
+    """Distances in the raw images from the best place in the tomogram of each contour, in px."""
+    tracks: dict[int, list[tuple[int, np.ndarray]]] = {}
+    for _, contour, x, y, z in numbers(folder / "fiducials.txt"):
+        q = np.array([x - size[0] / 2, y - size[1] / 2])
+        tracks.setdefault(int(contour), []).append((int(z), q))
+    found = []
+    for rows in tracks.values():
+        A = np.concatenate([views[k].L for k, _ in rows])
+        b = np.concatenate([q - views[k].q0 for k, q in rows])
+        left = A @ np.linalg.lstsq(A, b, rcond=None)[0] - b
+        found.append(np.linalg.norm(left.reshape(-1, 2), axis=1))
+    return np.concatenate(found)
+
+
 def aretomo_views(path: Path) -> list[View]:
     views = []
     for line in path.read_text().splitlines():
