@@ -48,6 +48,8 @@ class SemMetadata:
 
     pixel_size_um: float | None = None
     tilt_rad: float | None = None
+    tilt_axis_rad: float | None = None
+    """Direction of the tilt axis in the image, from x toward y."""
     stage_rotation_rad: float | None = None
     scan_rotation_rad: float | None = None
     stage_xyz_um: tuple[float, float, float] | None = None

@@ -21,7 +21,7 @@ class Arguments:
     """Arguments of the command."""
 
     image_path: tyro.conf.Positional[Path]
-    """Folder with the images."""
+    """Folder with the images, or an MRC stack."""
     json: Path | None = None
     """Also write one object an image to this file."""
     csv: Path | None = None

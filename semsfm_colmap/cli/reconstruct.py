@@ -28,7 +28,7 @@ class Arguments:
     """Arguments of the command."""
 
     image_path: tyro.conf.Positional[Path]
-    """Folder with the images, named in the order of the tilt or rotation."""
+    """Folder with the images, named in the order of the tilt or rotation, or an MRC stack."""
     output_path: Path
     """The project folder; a second run keeps what has not changed."""
     config_path: Path | None = None

@@ -32,6 +32,8 @@ class FormatOptions:
     scale_factor: float = 1000.0
     """Size of the print over that of the specimen, 1000: a millimetre for a micrometre; in a world
     of pixels, millimetres for each 1000 px (stl, 3mf)."""
+    max_fiducials: int = 200
+    """So many of the longest tracks become fiducials (imod)."""
     num_source_images: int = 10
     """Source images of each reference in patch-match.cfg (colmap-dense)."""
     max_source_angle_deg: float = 30.0

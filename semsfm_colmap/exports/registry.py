@@ -61,6 +61,9 @@ _ALL = (
     ),
     Format("nerfstudio", "transforms.json, images/ and sparse_pc.ply"),
     Format("nfh-sem", "orthographic cameras, depth and normals as npz"),
+    Format("imod", "an aligned etomo folder: stack, .xf, .tlt, fiducials", copies_images=False),
+    Format("aretomo", "stack and .aln alignment of AreTomo", copies_images=False),
+    Format("relion-star", "stack and RELION 5's star files", copies_images=False),
 )
 FORMATS = {format_.name: format_ for format_ in _ALL}
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from semsfm_colmap.colmap.model.rows import model_rows
 from semsfm_colmap.colmap.model.sidecar import FILE_NAME, read_sidecar
@@ -17,7 +19,7 @@ from semsfm_colmap.exports.names import plain_names
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.surface.files import depth_map_path
 from semsfm_colmap.surface.options import SurfaceOptions
-from semsfm_colmap.types import Float, Reconstruction
+from semsfm_colmap.types import Float, Reconstruction, SemSeries
 
 Summary = dict[str, Any]
 """What an exporter says about what it wrote; goes into export.json."""
@@ -46,6 +48,8 @@ class ExportScene:
     """Folder of the project's depth maps"""
     mesh_path: Path | None = None
     """The project's mesh.ply"""
+    tilt_rad: Float | None = None
+    """(M,) recorded tilts, nan where none is; None: nothing is known of them"""
 
     @property
     def size_px(self) -> int:
@@ -105,8 +109,12 @@ def read_scene(
     database_path: Path | None = None,
     depth_map_path: Path | None = None,
     mesh_path: Path | None = None,
+    series: SemSeries | None = None,
 ) -> ExportScene:
-    """Read a model that has its sidecar, and remember where what belongs to it lies."""
+    """Read a model that has its sidecar, and remember where what belongs to it lies.
+
+    `series` tells the recorded tilts.
+    """
     reconstruction = read_model(model_path)
     sidecar = read_sidecar(model_path / FILE_NAME)
     rows = model_rows(model_path)
@@ -122,4 +130,11 @@ def read_scene(
         database_path=database_path,
         depth_map_path=depth_map_path,
         mesh_path=mesh_path,
+        tilt_rad=None if series is None else recorded_tilts(series, names),
     )
+
+
+def recorded_tilts(series: SemSeries, names: Sequence[str]) -> Float:
+    """Recorded tilts of some images in rad, nan where none is: (M,)."""
+    tilts = {frame.name: frame.metadata.tilt_rad for frame in series.frames}
+    return np.array([np.nan if tilts.get(n) is None else tilts[n] for n in names], np.float64)

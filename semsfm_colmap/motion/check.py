@@ -200,6 +200,6 @@ def _axis_note(prior: TiltPrior, axis: AxisRotation | None) -> str:
         return f"the tilt axis lies at {seen:.1f} degrees in the images, as said"
     return (
         f"the tilt axis lies at {seen:.1f} degrees in the images, from x toward y, and not at "
-        f"{said:.1f} (option tilt_axis): the images are believed; check the order of the images, "
-        "or whether they were turned"
+        f"{said:.1f}, as option or header say: the images are believed; check the order of the "
+        "images, or whether they were turned"
     )

@@ -58,5 +58,6 @@ def export_project(
         # depth maps and mesh are those of the first model
         depth_map_path=project.dense / "depth_maps" if model == 0 else None,
         mesh_path=project.mesh / "mesh.ply" if model == 0 else None,
+        series=project.read_series() if project.series.is_file() else None,
     )
     return export_scene(scene, format_name, target, options)

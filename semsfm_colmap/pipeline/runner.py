@@ -9,6 +9,7 @@ from pathlib import Path
 
 from semsfm_colmap.config import Config, options_key, write_config
 from semsfm_colmap.errors import InputError, SemSfmError, UsageError
+from semsfm_colmap.ingest.files.listing import source_files
 from semsfm_colmap.pipeline.executor import Executor, ThreadExecutor
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 from semsfm_colmap.pipeline.record import (
@@ -28,19 +29,20 @@ STAGE_FORMAT = "4"
 
 
 def input_hashes(image_path: Path, known: dict[str, str]) -> dict[str, str]:
-    """A key of every file below the image folder, sidecars included.
+    """A key of every file below the image folder, sidecars included, or of a stack and its own.
 
     Files whose size and time are those of the last run keep their key; the others are read.
     """
     hashes = {}
-    for path in sorted(image_path.rglob("*")):
+    root = image_path if image_path.is_dir() else image_path.parent
+    for path in source_files(image_path):
         try:
             if path.is_symlink() and not path.exists():
                 continue
             if not path.is_file():
                 continue
             stat = path.stat()
-            name = path.relative_to(image_path).as_posix()
+            name = path.relative_to(root).as_posix()
             stamp = f"{stat.st_size}:{stat.st_mtime_ns}:"
             old = known.get(name, "")
             hashes[name] = old if old.startswith(stamp) else stamp + hash_file(path)
@@ -102,7 +104,8 @@ def run_stages(
     Parameters
     ----------
     names : stages to run; those before them must have run
-    image_path : folder of the source images; needed for the stage that makes the project
+    image_path : folder of the source images, or an MRC stack; needed for the stage that makes the
+        project
     executor : how work on single images and pairs is spread; default: threads of this process
     force : run them even when nothing has changed
 
@@ -245,7 +248,8 @@ def reconstruct(
 
     Parameters
     ----------
-    image_path : folder of PNG, JPEG or TIFF images of one specimen, tilted or rotated
+    image_path : folder of PNG, JPEG or TIFF images of one specimen, tilted or rotated, or an MRC
+        stack of them
     output_path : the project folder, see docs/files.md; unchanged stages of an earlier run are kept
     config : all options
 

@@ -24,6 +24,7 @@ from semsfm_colmap.exports.scene import ExportScene, Summary
 from semsfm_colmap.pipeline.export import export_project
 from tests.exports import readers
 from tests.exports.ball_project import SPECIAL_NAMES
+from tests.oracles import tilt_series as tilt_oracle
 
 ROUNDING_PX = 1e-4
 """Double precision at a distance of some 1e5 px, the digits of text included."""
@@ -329,6 +330,46 @@ class TestNfhSem(ExportContract):
         inner = -(X / np.linalg.norm(X, axis=1, keepdims=True)) @ R[2] > 0.5
         cosine = np.sum(normal[row, col] * X, axis=1) / np.linalg.norm(X, axis=1)
         assert cosine[inner].min() > 0.98
+
+
+class TiltSeriesContract(ExportContract):
+    def views(self, folder: Path) -> list[tilt_oracle.View]:
+        raise NotImplementedError
+
+    def names(self, folder: Path) -> set[str]:
+        return set(self.order(folder))
+
+    def order(self, folder: Path) -> list[str]:
+        with (folder / "views.csv").open(encoding="utf-8", newline="") as file:
+            return [row["image"] for row in csv.DictReader(file)]
+
+    def projections(self, folder: Path, image: str, points: np.ndarray) -> np.ndarray:
+        stated = json.loads((folder / "export.json").read_text(encoding="utf-8"))
+        to_tomogram = np.array(stated["tomogram_px_from_world"])
+        view = self.views(folder)[self.order(folder).index(image)]
+        q = (points @ to_tomogram[:, :3].T + to_tomogram[:, 3]) @ view.L.T + view.q0
+        return np.array([80.0, 60.0]) + q * [1.0, -1.0]
+
+
+class TestImod(TiltSeriesContract):
+    name = "imod"
+
+    def views(self, folder: Path) -> list[tilt_oracle.View]:
+        return tilt_oracle.imod_views(folder)
+
+
+class TestAreTomo(TiltSeriesContract):
+    name = "aretomo"
+
+    def views(self, folder: Path) -> list[tilt_oracle.View]:
+        return tilt_oracle.aretomo_views(folder / "series.aln")
+
+
+class TestRelionStar(TiltSeriesContract):
+    name = "relion-star"
+
+    def views(self, folder: Path) -> list[tilt_oracle.View]:
+        return tilt_oracle.relion_views(folder)
 
 
 class WithoutImages(ExportContract):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.ingest.files.mrc import STACK_SUFFIXES, companion_files, is_stack, section_names
 from semsfm_colmap.io.layout import FOLDERS, MASKS_FOLDER, SERIES_FILE
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
@@ -24,6 +25,8 @@ class FoundImages:
 def find_images(image_path: Path, project_path: Path | None = None) -> FoundImages:
     """List the image files below `image_path` in natural order (2 before 10).
 
+    Of an MRC stack, its sections (`mrc.py`).
+
     Folders are followed through symbolic links, each real folder once, so that a loop ends.
     Hidden files, a folder ``masks`` and the outputs of a project are not images of the series,
     also where the project lies inside the image folder.
@@ -31,6 +34,8 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
     from natsort import natsorted
 
     check_image_path(image_path)
+    if is_stack(image_path):
+        return FoundImages(names=section_names(image_path), warnings=())
     skip = {(project_path / name).resolve() for name in FOLDERS} if project_path else set()
     names: list[str] = []
     warnings: list[str] = []
@@ -72,13 +77,23 @@ def _is_image(file: str) -> bool:
     return not file.startswith(".") and file.lower().endswith(IMAGE_SUFFIXES)
 
 
+def source_files(image_path: Path) -> list[Path]:
+    """All files that a run may read: those below a folder, or a stack and what lies beside it."""
+    if is_stack(image_path):
+        return [image_path, *companion_files(image_path)]
+    return sorted(image_path.rglob("*"))
+
+
 def check_image_path(image_path: Path) -> None:
-    """Refuse what is not a folder that can be listed."""
+    """Refuse what is neither a stack nor a folder that can be listed."""
     if not image_path.exists():
         raise UsageError(f"{image_path} does not exist; give the folder that holds the images.")
-    if not image_path.is_dir():
-        raise UsageError(f"{image_path} is not a folder; give the folder that holds the images.")
-    if not os.access(image_path, os.R_OK | os.X_OK):
+    if not image_path.is_dir() and not is_stack(image_path):
+        raise UsageError(
+            f"{image_path} is not a folder; give the folder that holds the images, or an MRC stack "
+            f"({', '.join(STACK_SUFFIXES)})."
+        )
+    if not os.access(image_path, os.R_OK if image_path.is_file() else os.R_OK | os.X_OK):
         raise UsageError(f"{image_path} cannot be read: permission denied; change its permissions.")
 
 

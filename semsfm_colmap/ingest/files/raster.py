@@ -18,6 +18,7 @@ import numpy as np
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.files.drawn_colour import drawn_colour
 from semsfm_colmap.ingest.files.header import ImageHeader, UnreadableImageError
+from semsfm_colmap.ingest.files.mrc import decode_section, is_section, section_header
 from semsfm_colmap.ingest.files.tiff import decode_tiff, tiff_header
 from semsfm_colmap.io.wording import one_line
 from semsfm_colmap.types import Array, Float
@@ -31,6 +32,7 @@ SUFFIXES = {
     "jpeg": (".jpg", ".jpeg"),
     "tiff": (".tif", ".tiff"),
     "bmp": (".bmp",),
+    "mrc": (".mrc",),
 }
 _MAGIC = (
     (b"\x89PNG\r\n\x1a\n", "png"),
@@ -59,6 +61,8 @@ class RawImage:
 
 def read_header(path: Path, max_pixels: int) -> ImageHeader:
     """Format, size and depth from the first bytes of a file."""
+    if is_section(path):
+        return _within_limit(section_header(path), max_pixels)
     try:
         with path.open("rb") as file:
             start = file.read(16)
@@ -81,6 +85,10 @@ def read_header(path: Path, max_pixels: int) -> ImageHeader:
         raise UnreadableImageError(f"the header is damaged ({_short(error)}).") from error
     if header.width < 1 or header.height < 1:
         raise UnreadableImageError(f"the header says {header.width} x {header.height} pixels.")
+    return _within_limit(header, max_pixels)
+
+
+def _within_limit(header: ImageHeader, max_pixels: int) -> ImageHeader:
     if header.width * header.height > max_pixels:
         raise UnreadableImageError(
             f"the header says {header.width} x {header.height} pixels, more than the limit of "
@@ -98,6 +106,8 @@ def read_pixels(path: Path, header: ImageHeader) -> RawImage:
                 _check_amount(path, header)
             if header.format == "tiff":
                 array, plain = decode_tiff(path, header), False
+            elif header.format == "mrc":
+                array, plain = decode_section(path, header), False
             elif header.format == "png" and header.bits == 16:
                 array, plain = _decode_png16(path), False
             else:

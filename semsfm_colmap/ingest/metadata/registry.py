@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from semsfm_colmap.ingest.files.header import ImageHeader
-from semsfm_colmap.ingest.metadata import fei, jeol, tescan, zeiss
+from semsfm_colmap.ingest.metadata import fei, jeol, tescan, tilt_stack, zeiss
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.sidecar import read_sidecar
 from semsfm_colmap.ingest.metadata.tags import (
@@ -37,6 +37,8 @@ def read_metadata(path: Path, header: ImageHeader) -> MetadataReading:
 
     Headers are foreign data: whatever goes wrong in one becomes a warning of its file.
     """
+    if header.format == "mrc":
+        return tilt_stack.read_section(path)
     problem = None
     reading = None
     try:

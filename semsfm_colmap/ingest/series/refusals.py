@@ -8,6 +8,7 @@ from pathlib import Path
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.ingest.files.listing import IMAGE_SUFFIXES
+from semsfm_colmap.ingest.files.mrc import is_stack
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.series.crops import check_crop
 from semsfm_colmap.ingest.series.tilt import parse_axis
@@ -69,9 +70,11 @@ def check_paths(image_path: Path, project_path: Path) -> None:
 def no_images_message(image_path: Path, problems: Sequence[str]) -> str:
     """The sentence for a folder without a single image."""
     said = f" ({problems[0]})" if problems else ""
+    stack = next((path for path in sorted(image_path.iterdir()) if is_stack(path)), None)
+    hint = f" A stack is a series of its own: give {stack}." if stack else ""
     return (
         f"no images in {image_path}{said}; files ending in {', '.join(IMAGE_SUFFIXES)} are "
-        "looked for."
+        f"looked for.{hint}"
     )
 
 

@@ -23,6 +23,8 @@ def tilt_prior(series: SemSeries, options: IngestOptions) -> TiltPrior | None:
     Where only the axis is known, the prior holds no angles.
     """
     axis = parse_axis(options.tilt_axis)
+    if axis is None:
+        axis = recorded_axis(series)
     angles = np.array(
         [np.nan if f.metadata.tilt_rad is None else f.metadata.tilt_rad for f in series.frames]
     )
@@ -62,6 +64,12 @@ def recorded_displacements(series: SemSeries) -> Float | None:
     if len({value for value in said if value is not None}) < 2:
         return None
     return np.array([np.nan if value is None else value for value in said], dtype=np.float64)
+
+
+def recorded_axis(series: SemSeries) -> float | None:
+    """The tilt axis that the first image with one records."""
+    recorded = (frame.metadata.tilt_axis_rad for frame in series.frames)
+    return next((axis for axis in recorded if axis is not None), None)
 
 
 def parse_axis(text: str) -> float | None:
