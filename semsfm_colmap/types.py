@@ -113,6 +113,12 @@ class SemSeries:
         number = {name: k for k, name in enumerate(self.series_names)}
         return np.array([number[frame.series] for frame in self.frames], dtype=np.int64)
 
+    @property
+    def series_pixel_sizes_um(self) -> tuple[float | None, ...]:
+        """Pixel size of each of `series_names` by its images."""
+        size = {frame.series: frame.metadata.pixel_size_um for frame in self.frames}
+        return tuple(size[name] for name in self.series_names)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Features(_Frozen):

@@ -20,8 +20,8 @@ from semsfm_colmap.cli.common import (
 from semsfm_colmap.config import Config
 
 DESCRIPTION = (
-    "Several series of one specimen in one model: turned about other axes, mounted anew, at another "
-    "magnification. The result is an ordinary project."
+    "Several series of one specimen in one model: turned about other axes, mounted anew, at "
+    "another magnification. The result is an ordinary project."
 )
 
 

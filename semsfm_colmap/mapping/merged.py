@@ -7,6 +7,7 @@ specimen's: the angle between two such axes is what dual tilt is made for.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,6 +22,9 @@ MIN_SHARED_POINTS = 30
 """Points that a series must share with the others: they fix seven numbers (turn, shift, scale), and
 a few score that agree by chance are what an image of another specimen comes in with."""
 
+PIXEL_SIZE_TOLERANCE = 0.05
+"""Relative: makers of microscopes promise a few per cent for the pixel sizes that they record."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeriesPlace:
@@ -33,10 +37,10 @@ class SeriesPlace:
     """of them in the model"""
     num_shared: int
     """points seen in it and in another series"""
-    magnification: float
-    """geometric mean, relative to that of the first series"""
-    magnification_sigma: float | None
-    """relative standard deviation of that, as if its images were independent"""
+    log_scale: float
+    """mean logarithm of the magnification; nan without images"""
+    pixel_size_um: float | None
+    """as recorded or given for the series by itself"""
     axis_world: Float | None
     """(3,) about which it turned; None: it did not"""
     range_deg: float
@@ -48,6 +52,7 @@ def places_in(
     given: Sequence[str],
     series_idx: Int,
     series_names: Sequence[str],
+    pixel_sizes_um: Sequence[float | None],
 ) -> list[SeriesPlace]:
     """Where each series stands in a model.
 
@@ -55,7 +60,7 @@ def places_in(
     ----------
     given : names of all images, those that are not in the model too
     series_idx : (len(given),) number of the series of each
-    series_names : of all series
+    series_names, pixel_sizes_um : of all series
 
     """
     number = dict(zip(given, series_idx.tolist(), strict=True))
@@ -65,49 +70,23 @@ def places_in(
     seen[obs.track_idx, series[obs.image_idx]] = True
     shared = seen.sum(axis=1) > 1
     log_scale = np.log(reconstruction.cameras.scale_px_per_unit)
-    means = [
-        log_scale[series == k].mean() if np.any(series == k) else np.nan
-        for k in range(len(series_names))
-    ]
-    return [
-        _place(
-            reconstruction,
-            np.flatnonzero(series == k),
-            np.flatnonzero(series == 0),
-            name=name,
-            num_given=int(np.sum(series_idx == k)),
-            num_shared=int(np.sum(seen[:, k] & shared)),
-            magnification=float(np.exp(means[k] - means[0])),
+    places = []
+    for k, name in enumerate(series_names):
+        mine = series == k
+        turn = fit_axis(reconstruction.cameras.cam_from_world[mine]) if mine.sum() > 1 else None
+        places.append(
+            SeriesPlace(
+                name=name,
+                num_given=int(np.sum(series_idx == k)),
+                num_images=int(mine.sum()),
+                num_shared=int(np.sum(seen[:, k] & shared)),
+                log_scale=float(log_scale[mine].mean()) if mine.any() else math.nan,
+                pixel_size_um=pixel_sizes_um[k],
+                axis_world=None if turn is None else turn.axis_world,
+                range_deg=0.0 if turn is None else float(np.rad2deg(turn.range_rad)),
+            )
         )
-        for k, name in enumerate(series_names)
-    ]
-
-
-def _place(
-    reconstruction: Reconstruction,
-    images: Int,
-    first: Int,
-    *,
-    name: str,
-    num_given: int,
-    num_shared: int,
-    magnification: float,
-) -> SeriesPlace:
-    turn = fit_axis(reconstruction.cameras.cam_from_world[images]) if len(images) > 1 else None
-    sigma = None
-    if reconstruction.sigma_scale is not None and len(images) and len(first):
-        variance = [np.mean(reconstruction.sigma_scale[k] ** 2) / len(k) for k in (images, first)]
-        sigma = float(np.sqrt(sum(variance)))
-    return SeriesPlace(
-        name=name,
-        num_given=num_given,
-        num_images=len(images),
-        num_shared=num_shared,
-        magnification=magnification,
-        magnification_sigma=sigma,
-        axis_world=None if turn is None else turn.axis_world,
-        range_deg=0.0 if turn is None else float(np.rad2deg(turn.range_rad)),
-    )
+    return places
 
 
 def series_apart(places: Sequence[SeriesPlace]) -> str | None:
@@ -138,7 +117,13 @@ def series_notes(places: Sequence[SeriesPlace]) -> list[str]:
             f"{place.range_deg:.1f} deg, {place.num_shared} points shared"
         )
         if place is not first:
-            text += f"; {place.magnification:.4f} times the magnification of {first.name}"
+            ratio = math.exp(place.log_scale - first.log_scale)
+            text += f"; {ratio:.4f} times the magnification of {first.name}"
+            if first.pixel_size_um and place.pixel_size_um:
+                recorded = first.pixel_size_um / place.pixel_size_um
+                text += f" ({recorded:.4f} times by the pixel sizes"
+                wrong = abs(math.log(ratio / recorded)) > PIXEL_SIZE_TOLERANCE
+                text += ": one of the two is wrong)" if wrong else ")"
             angle = axis_angle_deg(first, place)
             if angle is not None:
                 text += f", about an axis {angle:.1f} deg from that of {first.name}"

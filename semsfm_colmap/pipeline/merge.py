@@ -37,6 +37,11 @@ TILT_NOTE = (
     "lies between them no stage has recorded"
 )
 
+PIXEL_SIZE_NOTE = (
+    "the first series has no pixel size, so that lengths are in its px: name a series first that "
+    "has one"
+)
+
 
 def merge_projects(
     project_paths: Sequence[Path | str],
@@ -122,7 +127,8 @@ def copy_series(
         for frame in series.frames:
             name = merged_name(label, frame.name)
             copy_file(source.images / frame.name, project.images / name)
-            frames.append(replace(frame, name=name, series=label))
+            metadata = replace(frame.metadata, pixel_size_um=series.pixel_size_um)
+            frames.append(replace(frame, name=name, series=label, metadata=metadata))
         for mask in kept.masks:
             copy_file(source.masks / mask, project.masks / merged_name(label, mask))
         joined.masks += [merged_name(label, mask) for mask in kept.masks]
@@ -134,6 +140,9 @@ def copy_series(
         warnings += [f"{label}: {warning}" for warning in series.warnings]
     if len({frame.name for frame in frames}) < len(frames):
         raise InputError("two images would get the same name: rename the folder of a project")
+    sizes = [series.pixel_size_um for series in all_series]
+    if sizes[0] is None and any(sizes):
+        warnings.append(PIXEL_SIZE_NOTE)
     if any(frame.metadata.tilt_rad is not None for frame in frames):
         warnings.append(TILT_NOTE)
     merged = SemSeries(

@@ -89,7 +89,11 @@ def map_series(
     together = []
     if several:
         places = places_in(
-            solution.value[0].reconstruction, series.names, series.series_idx, series.series_names
+            solution.value[0].reconstruction,
+            series.names,
+            series.series_idx,
+            series.series_names,
+            series.series_pixel_sizes_um,
         )
         apart = series_apart(places)
         if apart is not None:
