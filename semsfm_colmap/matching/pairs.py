@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -96,7 +97,8 @@ def _places(num: int) -> Int:
 
 def _near(images: Int, place: int) -> Sequence[int]:
     """The images that lie at most half way to the next one that is tried."""
-    reach = -(-len(images) // (2 * CROSS_GRID))
+    gap = math.ceil((len(images) - 1) / (CROSS_GRID - 1))
+    reach = gap // 2
     return images[max(place - reach, 0) : place + reach + 1].tolist()
 
 

@@ -12,7 +12,8 @@ Of several series in one model each has a magnification of its own, g_k px per u
 prior says anything: ``log s_i ~ N(log g_k(i), scale_sigma)`` and ``mean_i log s_i ~ N(0, .)``. At
 the best g_k the residuals are ``r = (I - P_k + P_1) log s / scale_sigma``, P_k the means of the
 series and P_1 the mean of all; as that matrix is a projection the gradient is r / scale_sigma,
-that of the prior of one series, whose diagonal normal matrix, an upper bound, serves here too.
+that of the prior of one series, whose diagonal normal matrix, an upper bound, serves here too:
+steps are a little short where the prior knows more of a magnification than the images do.
 """
 
 from __future__ import annotations
