@@ -98,6 +98,7 @@ def series_apart(places: Sequence[SeriesPlace]) -> str | None:
                 f" of its {place.num_given} images can be tied to them; give series of the same "
                 "specimen that see it from partly the same side"
             )
+    for place in places:
         if place.num_shared < MIN_SHARED_POINTS:
             return (
                 f"the series {place.name} is tied to the others by {place.num_shared} points only, "

@@ -50,7 +50,7 @@ def test_images_of_a_series_need_not_stand_together():
 def test_the_surroundings_of_a_grid_leave_no_gap(sizes):
     series = np.repeat([0, 1], sizes)
     tried = select_pairs_of_series(series, OPTIONS)
-    assert len([p for p in pairs_around(tried, series)]) == sizes[0] * sizes[1]
+    assert len(pairs_around(tried, series)) == sizes[0] * sizes[1]
 
 
 def test_only_what_is_near_a_verified_pair_is_matched_next():
