@@ -79,6 +79,8 @@ class SemFrame:
     warnings: tuple[str, ...] = ()
     databar: bool = False
     """True where a databar was found and cut off."""
+    series: str = ""
+    """Which of several series that were merged it is from."""
 
     @property
     def scanned(self) -> bool:
@@ -101,6 +103,23 @@ class SemSeries:
     def names(self) -> tuple[str, ...]:
         """Image names in acquisition order."""
         return tuple(frame.name for frame in self.frames)
+
+    @property
+    def series_names(self) -> tuple[str, ...]:
+        """The series that were merged into this one, in their order; one, mostly without a name."""
+        return tuple(dict.fromkeys(frame.series for frame in self.frames))
+
+    @property
+    def series_idx(self) -> Int:
+        """(M,) for each image its place in `series_names`."""
+        number = {name: k for k, name in enumerate(self.series_names)}
+        return np.array([number[frame.series] for frame in self.frames], dtype=np.int64)
+
+    @property
+    def series_pixel_sizes_um(self) -> tuple[float | None, ...]:
+        """Pixel size of each of `series_names` by its images."""
+        size = {frame.series: frame.metadata.pixel_size_um for frame in self.frames}
+        return tuple(size[name] for name in self.series_names)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -220,9 +239,21 @@ class OrthographicCameras(_Frozen):
     """(M, 2)"""
     aspect: float = 1.0
     skew: float = 0.0
+    series_idx: Int | None = None
+    """(M,) which of several merged series an image is from: the magnifications of one are nearly
+    alike, whatever those of the others are; None: all are of one series"""
 
     def __len__(self) -> int:
         return len(self.scale_px_per_unit)
+
+    @property
+    def common_scale(self) -> Float:
+        """(M,) geometric mean of the magnifications of each image's series, over that of all."""
+        log_scale = np.log(self.scale_px_per_unit)
+        if self.series_idx is None:
+            return np.ones(len(self))
+        mean = np.bincount(self.series_idx, log_scale) / np.maximum(np.bincount(self.series_idx), 1)
+        return np.asarray(np.exp(mean[self.series_idx] - log_scale.mean()))
 
     @property
     def K2(self) -> Float:
@@ -268,6 +299,7 @@ class OrthographicCameras(_Frozen):
             cam_from_world=self.cam_from_world[image_idx],
             scale_px_per_unit=self.scale_px_per_unit[image_idx],
             translation_px=self.translation_px[image_idx],
+            series_idx=None if self.series_idx is None else self.series_idx[image_idx],
         )
 
 

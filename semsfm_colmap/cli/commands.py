@@ -51,6 +51,11 @@ COMMANDS: tuple[Command, ...] = (
         if not stage.founds
     ),
     Command(
+        name="merge",
+        help="several series of one specimen in one model: other axis, mounting, magnification",
+        module="merge",
+    ),
+    Command(
         name="inspect",
         help="what the image files say: sizes, pixel size, tilt, problems",
         module="inspect",

@@ -49,6 +49,8 @@ class SeriesContext:
     """None: no second pass"""
     scanned: bool = False
     """the images are known to come from a scanning instrument"""
+    series_idx: Int | None = None
+    """(M,) which of several merged series each image is from; None: all are of one"""
     seed: int = 0
     say: Callable[[str], None] = silent
     """called with a sentence after each step"""

@@ -227,11 +227,14 @@ def in_world(
 ) -> tuple[OrthographicCameras, Float, Float | None]:
     """Cameras, points (N, 3) and their covariances in the world that is written.
 
-    Its origin is the centroid, its axes those of the first image, and the mean magnification shows
-    a unit as ``1 / unit_per_px``.
+    Its origin is the centroid, its axes those of the first image, and the mean magnification, of
+    the first series where there are several, shows a unit as ``1 / unit_per_px``.
     """
     centre = points.mean(axis=0)
-    factor = float(np.exp(np.mean(np.log(cameras.scale_px_per_unit)))) * unit_per_px
+    scale = np.asarray(cameras.scale_px_per_unit)
+    if cameras.series_idx is not None:
+        scale = scale[cameras.series_idx == cameras.series_idx.min()]
+    factor = float(np.exp(np.mean(np.log(scale)))) * unit_per_px
     R0 = np.asarray(cameras.cam_from_world[0])
     moved = replace(
         cameras,

@@ -112,6 +112,7 @@ def settle(
             context.refinement,
             rng=rng,
             seed=context.seed,
+            series_idx=context.series_idx,
         ).value
         if adjusted is None or len(adjusted.images) < len(first.images):
             return None

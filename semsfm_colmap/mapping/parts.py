@@ -60,6 +60,7 @@ def map_observations(
     pixel_size_source: str = "none",
     tilt: TiltPrior | None = None,
     guide: Guide | None = None,
+    series_idx: Int | None = None,
     seed: int = 0,
     note: Callable[[str], None] | None = None,
 ) -> Solution[list[MappedPart]]:
@@ -70,6 +71,7 @@ def map_observations(
     observations : sorted by track; images numbered as `image_names`
     tilt : known angles; used as a prior where the images do not contradict them
     guide : the images, for a second pass that looks for every point in every image
+    series_idx : (M,) which of several series each image is from
     note : called with a sentence after each step
 
     Returns
@@ -86,6 +88,7 @@ def map_observations(
         pixel_size_source=pixel_size_source,
         tilt=tilt,
         guide=guide,
+        series_idx=series_idx,
         seed=seed,
         say=note or silent,
     )
@@ -286,6 +289,7 @@ def first_model(
         context.refinement,
         rng=rng,
         seed=context.seed,
+        series_idx=context.series_idx,
         progress=tell,
     )
     if refined.value is None:
@@ -315,6 +319,7 @@ def with_magnification(
             wider,
             rng=rng,
             seed=context.seed,
+            series_idx=context.series_idx,
         ).value
         if again is None or len(again.images) < len(value.images):
             break

@@ -176,7 +176,13 @@ def settle_perspective(
         )
         moved = moved_observations(observations, value.images, fit.cameras, points, view)
         refined = refine(
-            fit.cameras, value.images, moved, options, rng=rng, seed=context.seed
+            fit.cameras,
+            value.images,
+            moved,
+            options,
+            rng=rng,
+            seed=context.seed,
+            series_idx=context.series_idx,
         ).value
         if refined is None:
             return None

@@ -60,9 +60,11 @@ def map_series(
     from semsfm_colmap.ingest.series.tilt import recorded_displacements, tilt_prior
     from semsfm_colmap.mapping.context import SeriesContext
     from semsfm_colmap.mapping.keypoints import append_keypoints
+    from semsfm_colmap.mapping.merged import places_in, series_apart, series_notes
     from semsfm_colmap.mapping.parts import map_parts
 
     series, counts = matched.series, matched.counts
+    several = len(series.series_names) > 1
     reporter.say(
         f"tracks: {counts.num_tracks} tracks, {len(matched.observations)} observations, "
         f"{counts.num_refused} contradictory matches refused"
@@ -74,16 +76,30 @@ def map_series(
         refinement=config.refinement,
         pixel_size_um=series.pixel_size_um,
         pixel_size_source=series.pixel_size_source,
-        tilt=tilt_prior(series, config.ingest),
-        displacement_um=recorded_displacements(series),
+        tilt=None if several else tilt_prior(series, config.ingest),
+        displacement_um=None if several else recorded_displacements(series),
         guide=guide,
         scanned=any(frame.scanned for frame in series.frames),
+        series_idx=series.series_idx if several else None,
         seed=config.seed,
         say=reporter.detail,
     )
     solution = map_parts(context, matched.observations)
     if solution.value is None:
         raise InputError(solution.message)
+    together = []
+    if several:
+        places = places_in(
+            solution.value[0].reconstruction,
+            series.names,
+            series.series_idx,
+            series.series_names,
+            series.series_pixel_sizes_um,
+        )
+        apart = series_apart(places)
+        if apart is not None:
+            raise InputError(apart)
+        together = series_notes(places)
     parts, keypoints = append_keypoints(solution.value, matched.keypoints)
     if write_guided is not None:
         write_guided(keypoints, parts)
@@ -99,6 +115,7 @@ def map_series(
     figures, r = parts[0].figures, parts[0].reconstruction
     notes = (
         r.depth_sign.message,
+        *together,
         *figures.notes,
         *part_notes(parts, models, series.names),
     )

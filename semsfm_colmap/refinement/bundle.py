@@ -7,6 +7,13 @@ of its magnification, its translation, and (shared by all images) aspect and ske
 ``y = R X``: ``dy/dw = -[y]x``. The ladder of camera models is a matter of which parameters are
 free. Gauge: none is fixed, the damping picks the smallest step; the magnification prior
 ``log s_i ~ N(0, scale_sigma)`` holds the common magnification at 1 px per unit.
+
+Of several series in one model each has a magnification of its own, g_k px per unit, about which no
+prior says anything: ``log s_i ~ N(log g_k(i), scale_sigma)`` and ``mean_i log s_i ~ N(0, .)``. At
+the best g_k the residuals are ``r = (I - P_k + P_1) log s / scale_sigma``, P_k the means of the
+series and P_1 the mean of all; as that matrix is a projection the gradient is r / scale_sigma,
+that of the prior of one series, whose diagonal normal matrix, an upper bound, serves here too:
+steps are a little short where the prior knows more of a magnification than the images do.
 """
 
 from __future__ import annotations
@@ -112,7 +119,8 @@ class BundleModel:
         values, rows, cols, derivs = [], [], [], []
         free_scale = self.param_idx[:, 3]
         if free_scale[0] >= 0:
-            values.append(np.log(params.scale_px_per_unit) / self.scale_sigma)
+            own = np.log(params.scale_px_per_unit / params.common_scale)
+            values.append(own / self.scale_sigma)
             rows.append(np.arange(len(free_scale)))
             cols.append(free_scale)
             derivs.append(np.full(len(free_scale), 1.0 / self.scale_sigma))
@@ -155,14 +163,14 @@ def bundle_adjust(
 
     Parameters
     ----------
-    cameras : magnifications near 1 px per unit (the prior's mean)
+    cameras : magnifications near 1 px per unit (the prior's mean), or near those of their series
     observations : sorted by track, every track seen at least twice
     angles : known angles between images
 
     """
     settings = settings or BundleSettings()
     if settings.camera_model == "orthographic":
-        cameras = replace(cameras, scale_px_per_unit=np.ones(len(cameras)))
+        cameras = replace(cameras, scale_px_per_unit=cameras.common_scale)
     model = BundleModel.build(
         len(cameras),
         free_scale=settings.camera_model != "orthographic",

@@ -174,7 +174,7 @@ def compare_models(
     for name, model, sigma in LADDER:
         start = cameras
         if model == "orthographic":
-            start = replace(cameras, scale_px_per_unit=np.ones(len(cameras)), aspect=1.0, skew=0.0)
+            start = replace(cameras, scale_px_per_unit=cameras.common_scale, aspect=1.0, skew=0.0)
         scale_sigma = settings.scale_sigma if sigma is None else sigma
         fit = bundle_adjust(
             start, kept, replace(settings, camera_model=model, scale_sigma=scale_sigma)

@@ -214,6 +214,7 @@ def refine(
     *,
     rng: np.random.Generator,
     seed: int = 0,
+    series_idx: Int | None = None,
     progress: Callable[[FilteringRound], None] | None = None,
 ) -> Solution[Refined]:
     """Filter from coarse to fine and adjust, until the last threshold.
@@ -222,6 +223,7 @@ def refine(
     ----------
     cameras : of `images` (numbers in `observations`), about 1 px per unit
     observations : all of them, sorted by track
+    series_idx : of all images in `observations`, which of several series each is from
 
     Returns
     -------
@@ -241,6 +243,8 @@ def refine(
             images, cameras = register_more(
                 fit.images, fit.cameras, fit.tracks, fit.points, observations, wanted, options, rng
             )
+        if series_idx is not None:
+            cameras = replace(cameras, series_idx=series_idx[images])
         # the estimate of sigma wavers a little; a round is never more lenient than the one before
         allowed = min(wanted, rounds[-1].threshold_px if rounds else np.inf)
         share = options.min_image_inlier_share if last else 0.0

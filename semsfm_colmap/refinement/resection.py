@@ -134,6 +134,7 @@ def register_more(
         cam_from_world=np.concatenate([p.cam_from_world for p in parts]),
         scale_px_per_unit=np.concatenate([p.scale_px_per_unit for p in parts]),
         translation_px=np.concatenate([p.translation_px for p in parts]),
+        series_idx=None,
     )
     sequence = np.argsort(order)
     return np.array(order, dtype=np.int64)[sequence], merged.select(sequence)

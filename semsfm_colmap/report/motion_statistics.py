@@ -120,13 +120,16 @@ def stage_tilt_rad(inputs: ReportInputs, frames: Frames) -> Float:
 def motion_statistics(
     inputs: ReportInputs, frames: Frames
 ) -> tuple[RotationMetrics | None, MotionColumns]:
-    """The motion as a whole, and that of each image; no whole where nothing turns."""
+    """The motion as a whole, and that of each image.
+
+    No whole where nothing turns, nor of merged series, which turn about axes of their own.
+    """
     rec = inputs.reconstruction
     R = rec.cameras.cam_from_world[frames.image_idx]
     tilt = stage_tilt_rad(inputs, frames)
     nothing = np.full(len(R), np.nan)
     from_first = np.rad2deg(rotation_angle(R @ R[0].T)) if len(R) else nothing
-    series = fit_axis(R)
+    series = fit_axis(R) if len(inputs.series.series_names) == 1 else None
     if series is None:
         return None, MotionColumns(
             angle_deg=nothing,

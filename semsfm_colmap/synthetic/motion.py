@@ -134,6 +134,25 @@ def nominal_scale(options: SynthesizeOptions) -> float:
     return options.zoom * fit
 
 
+def random_streams(options: SynthesizeOptions) -> tuple[np.random.Generator, ...]:
+    """One stream a purpose, so that a change in one leaves the others as they were.
+
+    Returns
+    -------
+    Those of the motion, the specimen, its surface, and the noise
+
+    """
+    motion, specimen, surface, noise = np.random.default_rng(options.seed).spawn(4)
+    if options.series_seed is not None:
+        motion, _, _, noise = np.random.default_rng(options.series_seed).spawn(4)
+    return motion, specimen, surface, noise
+
+
+def mounting(options: SynthesizeOptions) -> Float:
+    """(3, 3) how the specimen is mounted: turned about the beam."""
+    return rotation_from_vector(np.radians([0.0, 0.0, options.mount_deg]))
+
+
 def view_of(options: SynthesizeOptions, motion: Motion) -> View:
     """What the builder of the specimen must know about the images."""
     scale = float(motion.cameras.scale_px_per_unit.min())
@@ -141,6 +160,7 @@ def view_of(options: SynthesizeOptions, motion: Motion) -> View:
     centre = size * SCENE_DEFAULTS[options.scene].centre
     away = np.abs(motion.cameras.translation_px - centre).max(axis=0)
     half = (np.maximum(centre, size - centre) + away + 2.0) / scale
+    half = np.abs(mounting(options)[:2, :2]) @ half
     cosine = motion.cameras.cam_from_world[:, 2, 2].min()
     return View(
         edge=options.mesh_edge_px / nominal_scale(options),
@@ -153,8 +173,8 @@ def view_of(options: SynthesizeOptions, motion: Motion) -> View:
 def make_motion(options: SynthesizeOptions, rng: np.random.Generator) -> Motion:
     """Draw the motion of a series.
 
-    ``R_i = exp(wobble_i) exp(angle_i axis)``; the shift of the stage is a random walk that is
-    called back to the centre, ``d_i = DRIFT_MEMORY d_(i-1) + noise``.
+    ``R_i = exp(wobble_i) exp(angle_i axis) M``, M the mounting; the shift of the stage is a random
+    walk that is called back to the centre, ``d_i = DRIFT_MEMORY d_(i-1) + noise``.
     """
     defaults = SCENE_DEFAULTS[options.scene]
     nominal = nominal_angles_deg(options)
@@ -164,7 +184,7 @@ def make_motion(options: SynthesizeOptions, rng: np.random.Generator) -> Motion:
     axis /= np.linalg.norm(axis)
     true = nominal + options.step_error_deg * rng.normal(size=num)
     wobble = rotation_from_vector(np.radians(options.wobble_deg) * rng.normal(size=(num, 3)))
-    R = wobble @ rotation_from_vector(np.radians(true)[:, None] * axis)
+    R = wobble @ rotation_from_vector(np.radians(true)[:, None] * axis) @ mounting(options)
     walk = options.stage_drift_px * rng.normal(size=(num, 2))
     for i in range(1, num):
         walk[i] += DRIFT_MEMORY * walk[i - 1]

@@ -20,6 +20,12 @@ class SynthesizeOptions:
     tilted, or a clump of spores on a helical ribbon that turns it."""
     seed: int = 7
     """Seed of the specimen, the motion and the noise: the same seed gives the same bytes."""
+    series_seed: int | None = None
+    """Seed of the motion and the noise, for another series of the specimen that `seed` makes;
+    default: seed."""
+    mount_deg: float = 0.0
+    """Angle about the beam by which the specimen is mounted, before it is turned: two series of
+    one specimen that differ by 90 turn it about perpendicular axes."""
 
     num_images: int | None = None
     """Number of images; default: grain 48, field 13, clump 72."""

@@ -48,7 +48,7 @@ def synthesize(
     from semsfm_colmap.synthetic.databar import BarText, draw_databar
     from semsfm_colmap.synthetic.detector import expose, exposure_of
     from semsfm_colmap.synthetic.files import prepare_folder, write_image, write_truth
-    from semsfm_colmap.synthetic.motion import image_rows, make_motion, view_of
+    from semsfm_colmap.synthetic.motion import image_rows, make_motion, random_streams, view_of
     from semsfm_colmap.synthetic.render import make_renderer
     from semsfm_colmap.synthetic.scenes import build_specimen
 
@@ -58,8 +58,7 @@ def synthesize(
             " pixel and a positive edge length."
         )
     image_path = prepare_folder(output_path)
-    # One stream per purpose: a change in one leaves the others as they were.
-    motion_rng, specimen_rng, surface_rng, noise_rng = np.random.default_rng(options.seed).spawn(4)
+    motion_rng, specimen_rng, surface_rng, noise_rng = random_streams(options)
     motion = make_motion(options, motion_rng)
     scale = motion.cameras.scale_px_per_unit
     specimen = build_specimen(options.scene, view_of(options, motion), specimen_rng)

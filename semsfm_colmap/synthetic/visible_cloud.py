@@ -14,7 +14,7 @@ import numpy as np
 
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
-from semsfm_colmap.synthetic.motion import image_rows, make_motion, view_of
+from semsfm_colmap.synthetic.motion import image_rows, make_motion, random_streams, view_of
 from semsfm_colmap.synthetic.options import SynthesizeOptions
 from semsfm_colmap.synthetic.scenes import build_specimen
 from semsfm_colmap.synthetic.scenes.base import SUPPORT, Specimen
@@ -51,7 +51,7 @@ def visible_cloud(
 
     """
     # the streams of `synthesize`, so that the same seed is the same specimen
-    motion_rng, specimen_rng, _, noise_rng = np.random.default_rng(options.seed).spawn(4)
+    motion_rng, specimen_rng, _, noise_rng = random_streams(options)
     motion = make_motion(options, motion_rng)
     specimen = build_specimen(options.scene, view_of(options, motion), specimen_rng)
     scale = float(motion.cameras.scale_px_per_unit.mean())

@@ -62,3 +62,13 @@ def test_the_uncertainty_about_the_axis_combines_those_about_x_y_z():
     sigma = np.full((6, 3), np.deg2rad(0.02))
     _, columns = motion_of(make_inputs(replace(rec, sigma_rotation_rad=sigma)))
     assert columns.sigma_angle_deg[3] == pytest.approx(0.02)
+
+
+def test_merged_series_have_no_motion_about_one_axis():
+    inputs = make_inputs(make_reconstruction(np.arange(6) * 5.0))
+    frames = inputs.series.frames
+    parts = tuple(replace(f, series="ab"[k % 2]) for k, f in enumerate(frames))
+    rotation, columns = motion_of(replace(inputs, series=replace(inputs.series, frames=parts)))
+    assert rotation is None
+    assert np.isnan(columns.angle_deg).all()
+    np.testing.assert_allclose(columns.rotation_from_first_deg, np.arange(6) * 5.0, atol=1e-6)

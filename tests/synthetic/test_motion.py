@@ -17,6 +17,7 @@ from semsfm_colmap.synthetic.motion import (
     make_motion,
     nominal_angles_deg,
     nominal_scale,
+    random_streams,
     view_of,
 )
 
@@ -145,3 +146,30 @@ def test_the_example_is_small() -> None:
     assert len(nominal_angles_deg(options)) == 24
     assert (options.width_px, image_rows(options)) == (640, 480)
     assert np.ptp(nominal_angles_deg(options)) == pytest.approx(115.0)
+
+
+def test_a_specimen_mounted_a_quarter_turn_on_turns_about_the_perpendicular_axis() -> None:
+    first = motion_of(STILL)
+    second = motion_of(replace(STILL, mount_deg=90.0))
+    R, S = first.cameras.cam_from_world, second.cameras.cam_from_world
+    # the direction in the specimen that every rotation of the series leaves as it is
+    axes = [np.linalg.svd((Q[1:] - Q[:1]).reshape(-1, 3))[2][2] for Q in (R, S)]
+    tilt = float(first.axis[2])
+    assert abs(axes[0] @ axes[1]) == pytest.approx(tilt**2, abs=1e-9)
+    np.testing.assert_allclose(S[0] @ R[0].T, rotation_from_vector(np.array([0, 0, np.pi / 2])))
+
+
+def test_the_view_of_a_mounted_specimen_is_turned_with_it() -> None:
+    options = replace(STILL, width_px=800, height_px=300, databar=False)
+    quarter = replace(options, mount_deg=90.0)
+    upright, turned = (view_of(o, motion_of(o)) for o in (options, quarter))
+    assert turned.half_width == pytest.approx(upright.half_height)
+    assert turned.half_height == pytest.approx(upright.half_width)
+
+
+def test_another_series_is_of_the_same_specimen_with_other_motion_and_noise() -> None:
+    first = random_streams(SynthesizeOptions(seed=3))
+    second = random_streams(SynthesizeOptions(seed=3, series_seed=4))
+    fourth = random_streams(SynthesizeOptions(seed=4))
+    drawn = [[rng.random() for rng in streams] for streams in (first, second, fourth)]
+    assert drawn[1] == [drawn[2][0], drawn[0][1], drawn[0][2], drawn[2][3]]

@@ -77,6 +77,11 @@ def read_series(path: Path) -> SemSeries:
         ) from error
 
 
+def read_preparation(path: Path) -> PreparationRecord:
+    """What was done to the images of a series."""
+    return PreparationRecord(**_known(PreparationRecord, _load(path).get("preparation", {})))
+
+
 def read_written_files(path: Path) -> WrittenFiles:
     """Files an earlier run wrote; empty where there was none."""
     try:

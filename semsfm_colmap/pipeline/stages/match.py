@@ -19,25 +19,36 @@ if TYPE_CHECKING:
 def run(on: StageRun) -> MatchRecord:
     """Match the pairs that have no matches yet, then verify all."""
     from semsfm_colmap.colmap.database.work import clear_matches, read_images
-    from semsfm_colmap.matching.pairs import select_pairs
+    from semsfm_colmap.matching.pairs import pairs_around, select_pairs_of_series
 
-    project = on.project
-    series = project.read_series()
+    project, series = on.project, on.project.read_series()
     names = series.names
     if on.fresh:
         clear_matches(project.database)
     id_of = {image.name: image.image_id for image in read_images(project.database)}
     ids = [id_of[name] for name in names]
     angle = predicted_rotation(series)
-    pairs = select_pairs(len(ids), on.config.matching, angle)
+    pairs = select_pairs_of_series(series.series_idx, on.config.matching, angle)
     if angle is not None:
         on.reporter.say("pairs: neighbours by the displacements recorded")
     match_pairs(on, names, ids, pairs)
-    return verify_pairs(on, names, ids, pairs)
+    found = verify_pairs(on, names, ids, pairs)
+    number = {name: k for k, name in enumerate(names)}
+    verified = [
+        (number[p.image_name_1], number[p.image_name_2]) for p in found.pairs if p.failure is None
+    ]
+    more = sorted(set(pairs_around(verified, series.series_idx)) - set(pairs))
+    if not more:
+        return found
+    match_pairs(on, names, ids, more)
+    return verify_pairs(on, names, ids, sorted({*pairs, *more}))
 
 
 def predicted_rotation(series: SemSeries) -> Float | None:
-    """Angles (M,) in rad by the displacements; None where they are not known for all images."""
+    """Angles (M,) in rad by the displacements, of each series for itself.
+
+    None where the displacements are not known for all images.
+    """
     import numpy as np
 
     from semsfm_colmap.ingest.series.tilt import recorded_displacements

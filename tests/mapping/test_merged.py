@@ -1,0 +1,129 @@
+"""Where each of several series stands in a model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from semsfm_colmap.factorization.options import FactorizationOptions
+from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.mapping.merged import (
+    MIN_SHARED_POINTS,
+    places_in,
+    series_apart,
+    series_notes,
+)
+from semsfm_colmap.mapping.parts import map_observations
+from semsfm_colmap.refinement.options import RefinementOptions
+from semsfm_colmap.synthetic.tracks import simulate_tracks
+from semsfm_colmap.types import Reconstruction
+from tests.alignment import best_hand_errors_deg
+
+SERIES = np.repeat([0, 1], 8)
+NAMES = tuple(f"{'ab'[k]}_{i}.png" for i, k in enumerate(SERIES))
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """A body turned about y, then mounted a quarter turn on at 1.7 times the magnification."""
+    rng = np.random.default_rng(5)
+    s = simulate_tracks(
+        num_images=16, range_deg=70, num_tracks=700, noise_px=0.0, wobble_deg=0.0, rng=rng
+    )
+    turns = s.cameras.cam_from_world[::2]
+    quarter = rotation_from_vector(np.array([0.0, 0.0, np.pi / 2]))
+    cameras = replace(
+        s.cameras,
+        cam_from_world=np.concatenate([turns, turns @ quarter]),
+        scale_px_per_unit=np.where(SERIES == 1, 1.7, 1.0),
+    )
+    obs = s.observations
+    xy = cameras.project(s.points[obs.track_idx], obs.image_idx)
+    return cameras, s.points, replace(obs, xy=xy + 0.2 * rng.normal(size=xy.shape))
+
+
+@pytest.fixture
+def model(truth):
+    cameras, points, obs = truth
+    return Reconstruction(
+        image_names=NAMES,
+        image_size_px=np.full((16, 2), 1000),
+        cameras=cameras,
+        points=points,
+        observations=obs,
+        inlier=np.ones(len(obs), dtype=bool),
+    )
+
+
+def places(model, sizes_um=(None, None)):
+    return places_in(model, NAMES, SERIES, ("a", "b"), sizes_um)
+
+
+def test_two_series_are_factorized_and_adjusted_to_one_model(truth):
+    cameras, _, obs = truth
+    end = map_observations(
+        obs,
+        NAMES,
+        np.full((16, 2), 1000),
+        factorization=FactorizationOptions(),
+        refinement=RefinementOptions(),
+        pixel_size_um=0.01,
+        series_idx=SERIES,
+    )
+    (part,) = end.value
+    found = part.reconstruction.cameras
+    errors = best_hand_errors_deg(found.cam_from_world, cameras.cam_from_world)
+    assert errors.max() < 0.05
+    log_scale = np.log(found.scale_px_per_unit)
+    assert np.exp(log_scale[8:].mean() - log_scale[:8].mean()) == pytest.approx(1.7, rel=1e-3)
+    # the pixel size is that of the first series
+    assert np.exp(log_scale[:8].mean()) == pytest.approx(1.0 / 0.01, rel=1e-9)
+    assert not any("magnification differs" in note for note in part.figures.notes)
+
+
+def test_shared_points_ratio_and_axes_are_those_of_the_cameras(model, truth):
+    _, _, obs = truth
+    first, second = places(model)
+    seen = [set(obs.track_idx[SERIES[obs.image_idx] == k].tolist()) for k in (0, 1)]
+    assert first.num_shared == second.num_shared == len(seen[0] & seen[1])
+    assert (first.num_images, first.num_given) == (8, 8)
+    assert second.log_scale - first.log_scale == pytest.approx(np.log(1.7))
+    assert first.range_deg == pytest.approx(np.ptp(np.linspace(-35, 35, 16)[::2]), abs=1e-6)
+    assert series_apart([first, second]) is None
+    note = series_notes([first, second])[1]
+    assert "1.7000 times the magnification of a" in note
+    # axis (0.02, 1, 0.03): a quarter turn about z leaves 0.03^2 of its cosine
+    assert "axis 89.9 deg from that of a" in note
+
+
+def test_a_ratio_that_the_pixel_sizes_contradict_is_said(model):
+    assert "(1.6949 times by the pixel sizes)" in series_notes(places(model, (0.1, 0.059)))[1]
+    assert "one of the two is wrong" in series_notes(places(model, (0.1, 0.05)))[1]
+    assert "pixel sizes" not in series_notes(places(model, (0.1, None)))[1]
+
+
+def test_a_series_without_images_in_the_model_is_refused(model):
+    obs = model.observations
+    kept = obs.select(obs.image_idx < 8)
+    alone = replace(
+        model,
+        image_names=NAMES[:8],
+        image_size_px=model.image_size_px[:8],
+        cameras=model.cameras.select(np.arange(8)),
+        observations=replace(kept, num_images=8),
+        inlier=np.ones(len(kept), dtype=bool),
+    )
+    sentence = series_apart(places(alone))
+    assert "b has nothing in common" in sentence
+    assert "0 of its 8 images" in sentence
+
+
+def test_a_series_that_hangs_on_a_few_points_is_refused(model):
+    obs = model.observations
+    series = SERIES[obs.image_idx]
+    few = np.unique(obs.track_idx)[: MIN_SHARED_POINTS - 1]
+    # every other point is left to one series alone
+    inlier = np.isin(obs.track_idx, few) | (series == obs.track_idx % 2)
+    sentence = series_apart(places(replace(model, inlier=inlier)))
+    assert "by " in sentence
+    assert "a guess" in sentence
