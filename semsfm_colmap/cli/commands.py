@@ -61,6 +61,11 @@ COMMANDS: tuple[Command, ...] = (
         module="inspect",
     ),
     Command(
+        name="plan",
+        help="how many images over which angle for a wanted depth sigma; which angles to add",
+        module="plan",
+    ),
+    Command(
         name="segment",
         help="specimen, coil, stalk and substrate of the surface told apart; cuts by hand",
         module="segment",

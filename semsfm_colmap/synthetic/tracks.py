@@ -38,6 +38,7 @@ def simulate_tracks(
     radius_px: float = 400.0,
     scale_drift: float = 0.0,
     wobble_deg: float = 1.0,
+    visible_deg: float | None = None,
     rng: np.random.Generator,
 ) -> SimulatedTracks:
     """A series turning about an axis near y.
@@ -48,6 +49,8 @@ def simulate_tracks(
     body : "body" (points on a bumpy sphere, seen on the side that faces the viewer) or "field"
         (a rough surface around z = 0, all seen)
     scale_drift : relative standard deviation of the magnification per image
+    visible_deg : a point is seen within this angle of its normal; None: 78 degrees on a body,
+        always on a field
 
     """
     angles = np.deg2rad(np.linspace(-range_deg / 2, range_deg / 2, num_images))
@@ -64,7 +67,11 @@ def simulate_tracks(
         facing = (normal @ R[:, 2].T) < -0.2  # (N, M)
     else:
         points = rng.uniform(-radius_px, radius_px, size=(num_tracks, 3)) * [1.0, 1.0, 0.15]
+        normal = np.array([[0.0, 0.0, -1.0]])
         facing = np.ones((num_tracks, num_images), dtype=bool)
+    if visible_deg is not None:
+        toward = -normal @ R[:, 2].T >= np.cos(np.deg2rad(visible_deg))
+        facing = np.broadcast_to(toward, facing.shape).copy()
     if track_window:
         # a window around a random one of the frames that face the point
         score = np.where(facing, rng.random((num_tracks, num_images)), -1.0)

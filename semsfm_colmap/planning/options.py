@@ -1,0 +1,91 @@
+"""Options of the plan: the specimen, the noise of the matches, what the instrument allows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Literal
+
+from semsfm_colmap.errors import UsageError
+
+Criterion = Literal["mean", "worst"]
+
+MAX_VISIBLE_DEG = 85.0
+"""Nearer to grazing a point is a line in the image."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseOptions:
+    """What the estimator is told of the images: noise and priors."""
+
+    noise_px: float = 0.2
+    """Standard deviation of a coordinate of a match; the rendered series have 0.17 to 0.23 after
+    the guided pass (docs/benchmark_vs_colmap.md). Of a project its own residuals tell it."""
+    scale_sigma: float = 0.001
+    """Prior: relative standard deviation of the magnification between images."""
+    drift_sigma_px: float = 0.2
+    """Prior: standard deviation of the scan drift over the height of a frame; 0: none."""
+    visible_deg: float = 60.0
+    """A point is matched in the images that lie within this angle of its normal."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpecimenOptions:
+    """The specimen of a series that does not exist yet, and the limits of the search."""
+
+    specimen: Literal["body", "field"] = "body"
+    """body: a grain that is seen from all sides; field: a flat, rough surface seen from above."""
+    size_px: float = 800.0
+    """Diameter of the body, side of the field, in the image."""
+    num_points: int = 5000
+    """Points matched on all of the specimen."""
+    max_step_deg: float = 15.0
+    """Largest step between neighbouring images: beyond it few matches are found."""
+    max_total_deg: float = 360.0
+    """Largest total angle that the stage or actuator allows; 360: the turn closes."""
+    max_frames: int = 120
+    """Most images of a series."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NextOptions:
+    """Which images may be added."""
+
+    num_added: int = 3
+    """Images to add."""
+    criterion: Criterion = "mean"
+    """What they shall lower: the mean depth sigma of the points, or that of the worst twentieth."""
+    from_deg: float | None = None
+    """Smallest angle allowed, from the first image about the axis of the series; default: 30 below
+    the smallest there is."""
+    to_deg: float | None = None
+    """Largest angle allowed; default: 30 above the largest there is."""
+    candidate_step_deg: float = 10.0
+    """Distance between the angles that are tried."""
+
+
+POSITIVE = (
+    "noise_px", "scale_sigma", "visible_deg", "size_px", "num_points", "max_step_deg",
+    "max_total_deg",
+)  # fmt: skip
+
+
+def check_options(options: NoiseOptions | SpecimenOptions) -> None:
+    """Refuse what no series can have."""
+    for field in fields(options):
+        value = getattr(options, field.name)
+        # also false for nan
+        if field.name in POSITIVE and not 0.0 < value < float("inf"):
+            raise UsageError(f"--{field.name} is {value}: give a number above 0")
+    if isinstance(options, NoiseOptions):
+        if not 0.0 <= options.drift_sigma_px < float("inf"):
+            raise UsageError(f"--drift_sigma_px is {options.drift_sigma_px}: give 0 or more")
+        if options.visible_deg > MAX_VISIBLE_DEG:
+            raise UsageError(
+                f"--visible_deg is {options.visible_deg:g}: give at most {MAX_VISIBLE_DEG:g}, "
+                "nearer to grazing nothing is matched"
+            )
+        return
+    if options.max_total_deg > 360.0:
+        raise UsageError(f"--max_total_deg is {options.max_total_deg:g}: give at most 360, a turn")
+    if options.max_frames < 3:
+        raise UsageError(f"--max_frames is {options.max_frames}: a model needs three images")
