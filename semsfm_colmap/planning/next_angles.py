@@ -66,7 +66,7 @@ class NextAngles:
     tried_deg: Float
     """(K,) angles of the first search"""
     tried_px: Float
-    """(K,) what the criterion would be with each; nan where hardly a point is seen"""
+    """(K,) what the criterion would be with each; nan where it is too far or sees hardly a point"""
 
 
 def mapped_series(
@@ -147,7 +147,10 @@ def next_angles(series: MappedSeries, options: NextOptions) -> NextAngles:
     for turn in range(options.num_added):
         value = np.full(len(candidates), np.nan)
         best: tuple[Geometry, Prediction] | None = None
+        there = np.append(np.rad2deg(series.axis.angle_rad), [image.angle_deg for image in added])
         for k, angle in enumerate(candidates):
+            if np.abs(wrapped_deg(angle - there)).min() > options.max_from_nearest_deg:
+                continue
             with_it = with_image(geometry, series, angle)
             found = None if with_it is None else predict(with_it, series.noise)
             if with_it is None or found is None:
@@ -159,8 +162,8 @@ def next_angles(series: MappedSeries, options: NextOptions) -> NextAngles:
             first = value
         if best is None:
             raise InputError(
-                "an image at any of these angles would see hardly a point of the model: allow "
-                "angles nearer to the series (--from_deg, --to_deg)"
+                "no angle that is tried lies near enough to an image and sees the model: change "
+                "--from_deg and --to_deg, or allow more with --max_from_nearest_deg"
             )
         geometry, prediction = best
         nearest, apart = _nearest(series.axis, chosen)
@@ -184,10 +187,10 @@ def candidate_angles(axis: AxisRotation, options: NextOptions) -> Float:
     """Angles (K,) deg to be tried, from the first image about the axis; less than a turn."""
     if options.num_added < 1:
         raise UsageError(f"--num_added is {options.num_added}: give 1 or more")
-    if not 0.0 < options.candidate_step_deg < math.inf:
-        raise UsageError(
-            f"--candidate_step_deg is {options.candidate_step_deg}: give a number above 0"
-        )
+    for flag in ("candidate_step_deg", "max_from_nearest_deg"):
+        value = getattr(options, flag)
+        if not 0.0 < value < math.inf:
+            raise UsageError(f"--{flag} is {value}: give a number above 0")
     angle = np.rad2deg(axis.angle_rad)
     low = float(angle.min()) - MARGIN_DEG if options.from_deg is None else options.from_deg
     high = float(angle.max()) + MARGIN_DEG if options.to_deg is None else options.to_deg
@@ -210,9 +213,14 @@ def facing(normals: Float, cam_from_world: Float, visible_deg: float) -> Bool:
     return np.asarray(toward >= math.cos(math.radians(visible_deg)))
 
 
+def wrapped_deg(angle_deg: Float) -> Float:
+    """The same angles in [-180, 180)."""
+    return np.asarray((angle_deg + 180.0) % 360.0 - 180.0)
+
+
 def _nearest(axis: AxisRotation, angle_deg: float) -> tuple[int, float]:
     """The image nearest to an angle, and the angle from it, deg."""
-    apart = (angle_deg - np.rad2deg(axis.angle_rad) + 180.0) % 360.0 - 180.0
+    apart = wrapped_deg(angle_deg - np.rad2deg(axis.angle_rad))
     nearest = int(np.argmin(np.abs(apart)))
     return nearest, float(apart[nearest])
 

@@ -89,9 +89,28 @@ def test_an_image_is_turned_about_the_axis_and_shows_what_faces_it(series):
 def test_angles_from_which_the_model_is_not_seen_are_not_added(series):
     behind = float(np.mean(ANGLES)) + 180.0
     assert with_image(series.geometry, series, behind) is None
-    options = NextOptions(num_added=1, from_deg=behind - 5.0, to_deg=behind + 5.0)
-    with pytest.raises(InputError, match="hardly a point"):
+    options = NextOptions(
+        num_added=1, from_deg=behind - 5.0, to_deg=behind + 5.0, max_from_nearest_deg=180.0
+    )
+    with pytest.raises(InputError, match="sees the model"):
         next_angles(series, options)
+
+
+def test_no_image_is_added_further_away_than_matches_are_found(series):
+    last = float(np.rad2deg(series.axis.angle_rad).max())
+    options = NextOptions(
+        num_added=2, from_deg=last + 5.0, to_deg=last + 30.0, candidate_step_deg=4.0,
+        max_from_nearest_deg=12.0,
+    )  # fmt: skip
+    found = next_angles(series, options)
+    near = found.tried_deg <= last + 12.0
+    np.testing.assert_array_equal(np.isfinite(found.tried_px), near)
+    there = [last]
+    for image in found.added:
+        assert min(abs(image.angle_deg - angle) for angle in there) <= 12.0
+        there.append(image.angle_deg)
+    # the second one goes on from the first
+    assert max(there) > last + 12.0
 
 
 def test_candidates_are_multiples_of_the_step_within_less_than_a_turn(series):
@@ -105,6 +124,7 @@ def test_candidates_are_multiples_of_the_step_within_less_than_a_turn(series):
     [
         (NextOptions(num_added=0), "--num_added"),
         (NextOptions(candidate_step_deg=float("nan")), "--candidate_step_deg"),
+        (NextOptions(max_from_nearest_deg=0.0), "--max_from_nearest_deg"),
         (NextOptions(from_deg=20.0, to_deg=10.0), "--from_deg"),
         (NextOptions(from_deg=11.0, to_deg=12.0), "no multiple"),
     ],
