@@ -70,6 +70,8 @@ def main(arguments: Sequence[str]) -> None:
         value = getattr(parsed, flag)
         if value is not None and not 0.0 < value < float("inf"):
             raise UsageError(f"--{flag} is {value}: give a number above 0")
+    if parsed.plot is not None and parsed.plot.suffix.lower() != ".png":
+        raise UsageError(f"{parsed.plot}: plots are written as PNG; give a name that ends in .png")
     wanted = parsed.depth_sigma_px is not None or parsed.depth_sigma_um is not None
     asked = (wanted, parsed.num_frames is not None, parsed.project is not None)
     if sum(asked) != 1:

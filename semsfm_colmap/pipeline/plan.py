@@ -42,7 +42,5 @@ def read_mapped_series(
 
 def write_plot(figure: Figure, path: Path) -> None:
     """Write a figure as PNG, aside, then renamed."""
-    if path.suffix.lower() != ".png":
-        raise UsageError(f"{path}: plots are written as PNG; give a name that ends in .png")
     with file_aside(path, shared=True) as aside:
         figure.savefig(aside, format="png", dpi=130, metadata={"Software": None})

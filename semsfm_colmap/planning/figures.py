@@ -31,7 +31,7 @@ def series_figure(
 
     """
     from matplotlib import colormaps
-    from matplotlib.ticker import ScalarFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
     figure = new_figure(7.0, 4.6)
     axes = figure.add_subplot()
@@ -54,9 +54,9 @@ def series_figure(
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
         axis.set_major_formatter(ScalarFormatter())
-        axis.set_minor_formatter(ScalarFormatter())
-        axis.set_tick_params(which="minor", labelsize=7)
+        axis.set_minor_formatter(NullFormatter())
     dress(axes, xlabel="images", ylabel="depth sigma by noise, median, px",
           title="How many images over which total angle")  # fmt: skip
     axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))

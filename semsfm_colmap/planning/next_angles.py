@@ -3,8 +3,10 @@
 Greedy: of all candidate angles about the axis of the series, the one whose image lowers the mean
 (or the worst) depth sigma most is taken, and the search goes on from the series that has it. Every
 candidate is predicted in full (`prediction`), with the poses, magnification and drift of its image
-unknown. It is assumed to show the points of the model whose normals lie near its direction of view;
-what hides behind other parts, and surface that only the new image would show, is not known.
+unknown. It may show the points of the model whose normals lie near its direction of view, but a
+match is not found of every one: with p the share that the images of the series have of theirs, each
+such observation counts p. What hides behind other parts, and surface that only the new image would
+show, is not known.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from semsfm_colmap.planning.prediction import Geometry, Prediction, predict
 from semsfm_colmap.planning.series import MIN_SAMPLE, SAMPLE_POINTS, determined
 from semsfm_colmap.refinement.drag import MIN_POINTS, seen_normals
 from semsfm_colmap.refinement.noise import noise_sigma
-from semsfm_colmap.types import Float, OrthographicCameras, Reconstruction
+from semsfm_colmap.types import Bool, Float, OrthographicCameras, Reconstruction
 
 MARGIN_DEG = 30.0
 """How far beyond the series candidates are tried by default."""
@@ -40,6 +42,8 @@ class MappedSeries:
     image_names: tuple[str, ...]
     noise: NoiseOptions
     """with the noise that its residuals show"""
+    matched_share: float
+    """p of the module's text"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +66,7 @@ class NextAngles:
     tried_deg: Float
     """(K,) angles of the first search"""
     tried_px: Float
-    """(K,) what the criterion would be with each; nan where hardly a point is seen"""
+    """(K,) what the criterion would be with each; nan where it is too far or sees hardly a point"""
 
 
 def mapped_series(
@@ -99,6 +103,13 @@ def mapped_series(
     some = np.sort(np.random.default_rng(seed).choice(len(points), share, replace=False))
     sample = take_exactly(obs, np.arange(len(cameras)), some).observations
     xy = cameras.project(points[some][sample.track_idx], sample.image_idx)
+    faced = facing(normals[some], np.asarray(cameras.cam_from_world), noise.visible_deg)
+    matched = faced[sample.track_idx, sample.image_idx]
+    if not matched.any():
+        raise InputError(
+            f"no image sees a point within {noise.visible_deg:g} degrees of its normal: allow more "
+            "(--visible_deg)"
+        )
     return MappedSeries(
         geometry=Geometry(
             cameras=cameras,
@@ -108,6 +119,7 @@ def mapped_series(
             height_px=float(np.mean(reconstruction.image_size_px[:, 1])),
             points_per_point=len(points) / share,
         ),
+        matched_share=float(matched.sum()) / float(faced.sum()),
         axis=axis,
         image_names=reconstruction.image_names,
         noise=replace(noise, noise_px=sigma_px),
@@ -135,7 +147,10 @@ def next_angles(series: MappedSeries, options: NextOptions) -> NextAngles:
     for turn in range(options.num_added):
         value = np.full(len(candidates), np.nan)
         best: tuple[Geometry, Prediction] | None = None
+        there = np.append(np.rad2deg(series.axis.angle_rad), [image.angle_deg for image in added])
         for k, angle in enumerate(candidates):
+            if np.abs(wrapped_deg(angle - there)).min() > options.max_from_nearest_deg:
+                continue
             with_it = with_image(geometry, series, angle)
             found = None if with_it is None else predict(with_it, series.noise)
             if with_it is None or found is None:
@@ -147,8 +162,8 @@ def next_angles(series: MappedSeries, options: NextOptions) -> NextAngles:
             first = value
         if best is None:
             raise InputError(
-                "an image at any of these angles would see hardly a point of the model: allow "
-                "angles nearer to the series (--from_deg, --to_deg)"
+                "no angle that is tried lies near enough to an image and sees the model: change "
+                "--from_deg and --to_deg, or allow more with --max_from_nearest_deg"
             )
         geometry, prediction = best
         nearest, apart = _nearest(series.axis, chosen)
@@ -172,10 +187,10 @@ def candidate_angles(axis: AxisRotation, options: NextOptions) -> Float:
     """Angles (K,) deg to be tried, from the first image about the axis; less than a turn."""
     if options.num_added < 1:
         raise UsageError(f"--num_added is {options.num_added}: give 1 or more")
-    if not 0.0 < options.candidate_step_deg < math.inf:
-        raise UsageError(
-            f"--candidate_step_deg is {options.candidate_step_deg}: give a number above 0"
-        )
+    for flag in ("candidate_step_deg", "max_from_nearest_deg"):
+        value = getattr(options, flag)
+        if not 0.0 < value < math.inf:
+            raise UsageError(f"--{flag} is {value}: give a number above 0")
     angle = np.rad2deg(axis.angle_rad)
     low = float(angle.min()) - MARGIN_DEG if options.from_deg is None else options.from_deg
     high = float(angle.max()) + MARGIN_DEG if options.to_deg is None else options.to_deg
@@ -192,9 +207,20 @@ def candidate_angles(axis: AxisRotation, options: NextOptions) -> Float:
     return np.asarray(tried, dtype=np.float64)
 
 
+def facing(normals: Float, cam_from_world: Float, visible_deg: float) -> Bool:
+    """Which points (N,) lie within an angle of their normals to which images (M,): (N, M)."""
+    toward = -normals @ cam_from_world[:, 2].T
+    return np.asarray(toward >= math.cos(math.radians(visible_deg)))
+
+
+def wrapped_deg(angle_deg: Float) -> Float:
+    """The same angles in [-180, 180)."""
+    return np.asarray((angle_deg + 180.0) % 360.0 - 180.0)
+
+
 def _nearest(axis: AxisRotation, angle_deg: float) -> tuple[int, float]:
     """The image nearest to an angle, and the angle from it, deg."""
-    apart = (angle_deg - np.rad2deg(axis.angle_rad) + 180.0) % 360.0 - 180.0
+    apart = wrapped_deg(angle_deg - np.rad2deg(axis.angle_rad))
     nearest = int(np.argmin(np.abs(apart)))
     return nearest, float(apart[nearest])
 
@@ -208,8 +234,7 @@ def with_image(geometry: Geometry, series: MappedSeries, angle_deg: float) -> Ge
     old = geometry.cameras
     turn = rotation_from_vector(np.deg2rad(apart) * series.axis.axis_camera)
     R = turn @ np.asarray(old.cam_from_world)[nearest]
-    facing = -geometry.normals @ R[2]
-    seen = np.flatnonzero(facing >= math.cos(math.radians(series.noise.visible_deg)))
+    seen = np.flatnonzero(facing(geometry.normals, R[None], series.noise.visible_deg)[:, 0])
     if len(seen) < MIN_SAMPLE:
         return None
     centroid = geometry.points.mean(axis=0)
@@ -227,16 +252,15 @@ def with_image(geometry: Geometry, series: MappedSeries, angle_deg: float) -> Ge
     image_idx = np.append(obs.image_idx, np.full(len(seen), M))
     track_idx = np.append(obs.track_idx, seen)
     own = cameras.project(geometry.points[seen], image_idx[len(obs) :])
-    relative = (
-        None if obs.relative_sigma is None else np.append(obs.relative_sigma, np.ones(len(seen)))
-    )
+    relative = np.ones(len(obs)) if obs.relative_sigma is None else obs.relative_sigma
+    new = np.full(len(seen), 1.0 / math.sqrt(series.matched_share))
     together = replace(
         obs,
         image_idx=image_idx,
         track_idx=track_idx,
         keypoint_idx=np.append(obs.keypoint_idx, np.full(len(seen), -1)),
         xy=np.concatenate([obs.xy, own]),
-        relative_sigma=relative,
+        relative_sigma=np.append(relative, new),
         num_images=M + 1,
     )
     return replace(

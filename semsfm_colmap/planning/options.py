@@ -61,6 +61,9 @@ class NextOptions:
     """Largest angle allowed; default: 30 above the largest there is."""
     candidate_step_deg: float = 10.0
     """Distance between the angles that are tried."""
+    max_from_nearest_deg: float = 15.0
+    """Largest angle to the nearest image, those added before included: beyond it few matches are
+    found."""
 
 
 POSITIVE = (

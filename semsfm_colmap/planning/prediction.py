@@ -60,7 +60,7 @@ class Geometry:
     points: Float
     """(N, 3) px"""
     normals: Float
-    """(N, 3) outward; zero where not known"""
+    """(N, 3) outward, of unit length"""
     observations: Observations
     """sorted by track; their places matter to nothing but the noise of a project"""
     height_px: float

@@ -23,7 +23,7 @@ from semsfm_colmap.types import Bool, Float, Observations
 
 TOTALS_DEG = (10.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0, 270.0, 360.0)
 """Total angles that are tried."""
-SAMPLE_POINTS = 600
+SAMPLE_POINTS = 1200
 """Points whose depths are predicted; each stands for its share of all points."""
 MIN_SAMPLE = 12
 """Fewer points that three images see do not hold a model together."""

@@ -13,9 +13,9 @@ from semsfm_colmap.planning.series import PlannedSeries
 from semsfm_colmap.refinement.uncertainty import RELIEF_PX
 
 FLOOR = (
-    f"These are sigmas of noise. Not noise, and not lowered by more images: what shading does to\n"
-    f"the cameras (column shading), and the relief under a point's window, {RELIEF_PX:g} px along\n"
-    "the normal of each point by itself (docs/truth.md)."
+    "These are sigmas of noise. Not noise, and not lowered by more images: what shading does to\n"
+    "the cameras (column shading), and the relief under a point's window, "
+    f"{RELIEF_PX:g} px along the\nnormal of each point by itself (docs/truth.md)."
 )
 SERIES_HEAD = (
     "frames", "step deg", "total deg", "depth sigma px", "um", "worst 5 % px", "rotation deg",
@@ -57,7 +57,8 @@ def format_next(found: NextAngles, series: MappedSeries, pixel_size_um: float | 
         rows.append([str(number), f"{image.angle_deg:g}", place, *cells])
     head = (
         f"Angles about the axis of the series, from {series.image_names[0]}; noise "
-        f"{series.noise.noise_px:.3f} px by the residuals."
+        f"{series.noise.noise_px:.3f} px\nby the residuals; of the points facing an image "
+        f"{series.matched_share:.0%} are matched in it."
     )
     return f"{head}\n\n{_text(NEXT_HEAD, rows)}\n{FLOOR}\n"
 
@@ -84,6 +85,7 @@ def next_numbers(
     """The series as it is, and one object an image added."""
     return {
         "noise_px": series.noise.noise_px,
+        "matched_share": series.matched_share,
         "before": _numbers(found.before, pixel_size_um),
         "added": [
             {
