@@ -4,6 +4,7 @@ The public names, loaded when they are first used:
 
 - `reconstruct`, `run_stages`: images to a project; some stages of a project
 - `Config`, `read_config`, `write_config`: all options
+- `merge_projects`: several series of one specimen in one model
 - `segment_project`: specimen and what holds it told apart
 - `map_database`, `reconstruct_from_database`: from any COLMAP database
 - `mesh_colmap`: a mesh of any COLMAP folder
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     )
     from semsfm_colmap.pipeline.foreign.map_database import map_database as map_database
     from semsfm_colmap.pipeline.foreign.mesh_colmap import mesh_colmap as mesh_colmap
+    from semsfm_colmap.pipeline.merge import merge_projects as merge_projects
     from semsfm_colmap.pipeline.runner import reconstruct as reconstruct
     from semsfm_colmap.pipeline.runner import run_stages as run_stages
     from semsfm_colmap.pipeline.segment import segment_project as segment_project
@@ -56,6 +58,7 @@ _HOMES = {
     "load_truth": "evaluation.truth",
     "map_database": "pipeline.foreign.map_database",
     "map_observations": "mapping.parts",
+    "merge_projects": "pipeline.merge",
     "mesh_colmap": "pipeline.foreign.mesh_colmap",
     "read_config": "config",
     "read_model": "colmap.model.sparse",
