@@ -4,6 +4,7 @@ The public names, loaded when they are first used:
 
 - `reconstruct`, `run_stages`: images to a project; some stages of a project
 - `Config`, `read_config`, `write_config`: all options
+- `merge_projects`: several series of one specimen in one model
 - `segment_project`: specimen and what holds it told apart
 - `measure_rotation`: the actuator that turned the specimen, as a goniometer
 - `map_database`, `reconstruct_from_database`: from any COLMAP database
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.pipeline.foreign.map_database import map_database as map_database
     from semsfm_colmap.pipeline.foreign.mesh_colmap import mesh_colmap as mesh_colmap
     from semsfm_colmap.pipeline.goniometer import measure_rotation as measure_rotation
+    from semsfm_colmap.pipeline.merge import merge_projects as merge_projects
     from semsfm_colmap.pipeline.runner import reconstruct as reconstruct
     from semsfm_colmap.pipeline.runner import run_stages as run_stages
     from semsfm_colmap.pipeline.segment import segment_project as segment_project
@@ -59,6 +61,7 @@ _HOMES = {
     "map_database": "pipeline.foreign.map_database",
     "map_observations": "mapping.parts",
     "measure_rotation": "pipeline.goniometer",
+    "merge_projects": "pipeline.merge",
     "mesh_colmap": "pipeline.foreign.mesh_colmap",
     "read_config": "config",
     "read_model": "colmap.model.sparse",

@@ -42,6 +42,10 @@ MIN_BLOCKS = 5
 MIN_COMMON_IMAGES = 3
 """Two rotations between common images are the least that tells the hand."""
 
+MAX_SCALE_STEP = 0.2
+"""Largest difference of an image's log magnification between its segments: twice the widest spread
+within a series that `refinement.magnification` knows."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Segment:
@@ -187,7 +191,8 @@ def join_segments(
 ) -> tuple[OrthographicCameras, Float] | None:
     """Cameras of all images and the points of all segments in one world; None if they fall apart.
 
-    Every image must be in a segment.
+    Every image must be in a segment. Segments are upgraded to a mean magnification of 1; where they
+    hold images of several series in other shares, they differ in scale, and are not joined.
     """
     whole = give_one_hand(segments)
     if whole is None:
@@ -199,10 +204,16 @@ def join_segments(
     QT = nearest_rotation(bases)
     total = np.zeros((num_images, 3, 3))
     log_scale, count = np.zeros(num_images), np.zeros(num_images)
+    low, high = np.full(num_images, np.inf), np.full(num_images, -np.inf)
     for s, Q in zip(whole, QT, strict=True):
         total[s.images] += s.cameras.cam_from_world @ Q
-        log_scale[s.images] += np.log(s.cameras.scale_px_per_unit)
+        own = np.log(s.cameras.scale_px_per_unit)
+        log_scale[s.images] += own
+        low[s.images] = np.minimum(low[s.images], own)
+        high[s.images] = np.maximum(high[s.images], own)
         count[s.images] += 1.0
+    if np.max(high - low) > MAX_SCALE_STEP:
+        return None
     R, scale = nearest_rotation(total), np.exp(log_scale / count)
     P = scale[:, None, None] * R[:, :2]
     # t_i^s - P_i c_s is the same for all segments of an image

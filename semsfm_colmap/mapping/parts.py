@@ -215,7 +215,7 @@ def settle(
     if guided is not None:
         notes = [*notes, *drift_notes(displacement.drift_px)]
     if straight is None:
-        scale = np.asarray(value.cameras.scale_px_per_unit)
+        scale = np.asarray(value.cameras.scale_px_per_unit / value.cameras.common_scale)
         learnt = context.refinement.scale_sigma > asked.scale_sigma
         notes = [*notes, *magnification_notes(scale, sizes, estimated=learnt)]
     return Solution(

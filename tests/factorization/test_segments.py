@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -132,3 +133,10 @@ def test_segments_with_too_few_images_in_common_do_not_join(chain):
     pieces = segments_of(chain, 40, 20, np.random.default_rng(3))
     apart = [p for p in pieces if p.images[0] % 40 == 0]
     assert join_segments(apart, 300) is None
+
+
+def test_segments_of_different_scales_do_not_join(chain):
+    pieces = segments_of(chain, 40, 20, np.random.default_rng(3))
+    larger = replace(pieces[1].cameras, scale_px_per_unit=1.3 * pieces[1].cameras.scale_px_per_unit)
+    pieces[1] = replace(pieces[1], cameras=larger, points=pieces[1].points / 1.3)
+    assert join_segments(pieces, 300) is None
