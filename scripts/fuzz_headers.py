@@ -125,6 +125,42 @@ def fuzz_table(data: bytes) -> None:
             assert value is None or math.isfinite(value)
 
 
+def fuzz_stack(data: bytes) -> None:
+    """Bytes as an MRC stack: header, metadata and pixels of two sections."""
+    from semsfm_colmap.errors import InputError
+    from semsfm_colmap.ingest.files.listing import find_images
+    from semsfm_colmap.ingest.files.raster import read_header, read_pixels
+    from semsfm_colmap.ingest.metadata import read_metadata
+
+    with tempfile.TemporaryDirectory(dir=scratch()) as folder:
+        stack = Path(folder, "a.st")
+        stack.write_bytes(data)
+        try:
+            for name in find_images(stack).names[:2]:
+                found = read_header(stack / name, MAX_PIXELS)
+                check_reading(read_metadata(stack / name, found))
+                assert read_pixels(stack / name, found).pixels.size <= MAX_PIXELS
+        except InputError as error:
+            check_sentence(str(error))
+
+
+def fuzz_mdoc(data: bytes) -> None:
+    """Bytes as the notes beside a stack of three images, and as its angles."""
+    from semsfm_colmap.errors import InputError
+    from semsfm_colmap.ingest.metadata.tilt_stack import read_stack_notes
+
+    for name in ("a.st.mdoc", "a.rawtlt"):
+        with tempfile.TemporaryDirectory(dir=scratch()) as folder:
+            Path(folder, name).write_bytes(data)
+            try:
+                notes = read_stack_notes(Path(folder, "a.st"), 3)
+            except InputError as error:
+                check_sentence(str(error))
+                continue
+            assert all(abs(tilt) <= 720 for tilt in notes.tilt_deg.values())
+            assert notes.pixel_size_um is None or 0 < notes.pixel_size_um < math.inf
+
+
 TARGETS: dict[str, Callable[[bytes], None]] = {
     "zeiss": fuzz_tags(34118),
     "fei": fuzz_tags(34682),
@@ -134,6 +170,8 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     "sidecar": fuzz_sidecar,
     "file": fuzz_file,
     "table": fuzz_table,
+    "stack": fuzz_stack,
+    "mdoc": fuzz_mdoc,
 }
 
 SIZES = ((1024, 943), (943, 1024), (884, 1024), (512, 442), (2048, 1536))
@@ -174,6 +212,13 @@ TABLE = (
 )
 
 
+MDOC = (
+    b"PixelSpacing = 250\nImageSize = 6 4\n\n[T = Tilt axis angle = -12.5, binning = 1]\n\n"
+    b"[ZValue = 0]\nTiltAngle = -3\n[ZValue = 1]\nTiltAngle = 0\n[ZValue = 2]\nTiltAngle = 3\n"
+)
+ANGLES = b" -3.00\n  0.00\n  3.00\n"
+
+
 def header(data: bytes) -> Any:
     """An image to go with a header text: of the size most seeds speak of, turned, or resized."""
     from semsfm_colmap.ingest.files.header import ImageHeader
@@ -195,6 +240,8 @@ def seeds(target: str, data: Path | None) -> list[bytes]:
         "jeol": [JEOL, JEOL_TILT],
         "sidecar": [HITACHI, JEOL, JEOL_TILT],
         "table": [TABLE],
+        "stack": [tiny_stack()],
+        "mdoc": [MDOC, ANGLES],
     }.get(target, [])
     if target == "file":
         found = [tiny_tiff(), *tiny_others()]
@@ -211,6 +258,19 @@ def seeds(target: str, data: Path | None) -> list[bytes]:
         if target == "file":
             found += [without_pixels(path) for path in sorted(data.glob("*.tif"))]
     return found or [b"[User]\r\nDate=1\r\n", b"AP_WD\r\nWD = 3 mm\r\n"]
+
+
+def tiny_stack() -> bytes:
+    """A small MRC stack of three images in 16 bits."""
+    import struct
+
+    start = bytearray(1024)
+    struct.pack_into("<4i", start, 0, 6, 4, 3, 1)
+    struct.pack_into("<3i", start, 28, 6, 4, 3)
+    struct.pack_into("<6f", start, 40, 1500.0, 1000.0, 750.0, 90.0, 90.0, 90.0)
+    struct.pack_into("<3i", start, 64, 1, 2, 3)
+    start[208:216] = b"MAP DD\0\0"
+    return bytes(start) + bytes(range(144))
 
 
 def tiny_tiff() -> bytes:

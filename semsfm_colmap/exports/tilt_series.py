@@ -39,6 +39,10 @@ MAX_OUT_OF_PLANE_RAD = np.radians(15.0)
 """Viewing directions further from their plane lie on a cone: no single-axis series."""
 
 
+DEPTH_MARGIN = 1.2
+"""Of the tomogram over the extent of the points in depth."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TiltSeries:
     """M views of one size as rotations about one axis, and what that leaves out."""
@@ -64,6 +68,15 @@ class TiltSeries:
     """(N, 3) X', the points in the tomogram"""
     px_per_unit: float
     """mean magnification s"""
+
+    @property
+    def tomogram_size_px(self) -> tuple[int, int, int]:
+        """Width, height, depth; where the axis lies, aligned images are as high as others wide."""
+        width, height = self.size_px
+        if abs(np.sin(np.mean(self.rotation_rad))) > np.sqrt(0.5):
+            width, height = height, width
+        deepest = float(np.abs(self.points_px[:, 2]).max(initial=1.0))
+        return width, height, int(np.ceil(2.0 * DEPTH_MARGIN * deepest))
 
     @property
     def aligning(self) -> Float:

@@ -205,6 +205,14 @@ def test_without_recorded_tilts_the_axis_points_up_and_zero_is_the_middle(tmp_pa
         assert np.degrees(np.abs(series.tilt_rad)).max() == pytest.approx(60.0)
 
 
+def test_the_tomogram_of_a_lying_axis_is_as_high_as_the_images_are_wide(tmp_path) -> None:
+    for axis_deg, size in ((80.0, (160, 120)), (10.0, (120, 160)), (-170.0, (120, 160))):
+        series = tilt_series(scene(tmp_path, axis_deg=axis_deg))
+        width, height, depth = series.tomogram_size_px
+        assert (width, height) == size
+        assert 1.0 < depth / (2.0 * np.abs(series.points_px[:, 2]).max()) < 1.3
+
+
 def test_a_full_turn_is_unwrapped(tmp_path) -> None:
     series = tilt_series(scene(tmp_path, range_deg=350.0, wobble_deg=0.3))
     steps = np.abs(np.diff(np.degrees(series.tilt_rad)))

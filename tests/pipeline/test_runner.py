@@ -12,8 +12,9 @@ from semsfm_colmap.errors import UsageError
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.pipeline import runner
-from semsfm_colmap.pipeline.runner import STAGE_NAMES, reconstruct, run_stages
+from semsfm_colmap.pipeline.runner import STAGE_NAMES, input_hashes, reconstruct, run_stages
 from semsfm_colmap.records import StageRecord
+from tests.ingest.stacks import textures, write_stack
 
 FILES = (
     "semsfm.toml",
@@ -220,3 +221,14 @@ def test_names_with_spaces_and_unicode_work(small_series, tmp_path):
     run_stages(project, Config(), names=("ingest", "extract", "match", "map"), image_path=images)
     model = read_model(project / "sparse" / "0")
     assert model.image_names == tuple(f"grän {k}.tif" for k in range(7))
+
+
+def test_a_run_on_a_stack_depends_on_it_and_on_its_angles_alone(tmp_path):
+    stack = write_stack(tmp_path / "a.st", textures())
+    (tmp_path / "b.rawtlt").write_text("1\n", encoding="utf-8")
+    alone = input_hashes(stack, {})
+    assert list(alone) == ["a.st"]
+    (tmp_path / "a.rawtlt").write_text("1\n", encoding="utf-8")
+    with_angles = input_hashes(stack, alone)
+    assert list(with_angles) == ["a.st", "a.rawtlt"]
+    assert with_angles["a.st"] == alone["a.st"]

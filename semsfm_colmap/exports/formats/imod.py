@@ -31,8 +31,6 @@ from semsfm_colmap.exports.tilt_series import TiltSeries, held_cameras, measured
 from semsfm_colmap.types import Float
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
-THICKNESS_MARGIN = 1.2
-"""Of the tomogram over the extent of the points in depth."""
 
 
 def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
@@ -114,17 +112,11 @@ def _write_solution(series: TiltSeries, scene: ExportScene, errors: ViewErrors, 
 
 
 def _commands(series: TiltSeries) -> str:
-    """The commands that align the stack, reconstruct the tomogram and make the fiducial model.
-
-    Where the axis lies rather than stands, the aligned images are as high as the others are wide.
-    """
-    depth = series.points_px[:, 2]
-    thickness = int(np.ceil(2.0 * THICKNESS_MARGIN * float(np.abs(depth).max(initial=1.0))))
-    width, height = series.size_px
-    lies = abs(np.sin(np.mean(series.rotation_rad))) > np.sqrt(0.5)
-    size = f" -size {height},{width}" if lies else ""
+    """The commands that align the stack, reconstruct the tomogram and make the fiducial model."""
+    width, height, thickness = series.tomogram_size_px
     return (
-        f"newstack -input {NAME}.st -output {NAME}_ali.mrc -xform {NAME}.xf -float 2{size}\n"
+        f"newstack -input {NAME}.st -output {NAME}_ali.mrc -xform {NAME}.xf -float 2 "
+        f"-size {width},{height}\n"
         f"tilt -input {NAME}_ali.mrc -output {NAME}_full_rec.mrc -TILTFILE {NAME}.tlt "
         f"-XTILTFILE {NAME}.xtilt -THICKNESS {thickness}\n"
         f"point2model -image {NAME}.st fiducials.txt {NAME}.fid\n"

@@ -26,9 +26,6 @@ from semsfm_colmap.exports.tilt_files import (
 )
 from semsfm_colmap.exports.tilt_series import held_cameras, tilt_series
 
-MARGIN = 1.2
-"""Of the tomogram over the extent of the points in depth."""
-
 
 def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """series.mrcs, tomograms.star, tilt_series/series.star, views.csv"""
@@ -56,14 +53,14 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     )  # fmt: skip
     (folder / "tilt_series").mkdir()
     _write_star(folder / "tilt_series" / f"{NAME}.star", NAME, labels, rows)
-    width, height = series.size_px
-    depth = int(np.ceil(2.0 * MARGIN * float(np.abs(series.points_px[:, 2]).max(initial=1.0))))
-    entry = [NAME, f"tilt_series/{NAME}.star", *(f"{angstrom:.6f}",) * 2, width, height, depth]
+    sizes = (f"{angstrom:.6f}", f"{angstrom:.6f}", *map(str, series.tomogram_size_px))
     labels = (
         "TomoName", "TomoTiltSeriesStarFile", "MicrographOriginalPixelSize",
         "TomoTiltSeriesPixelSize", "TomoSizeX", "TomoSizeY", "TomoSizeZ",
     )  # fmt: skip
-    _write_star(folder / "tomograms.star", "global", labels, [[str(v) for v in entry]])
+    _write_star(
+        folder / "tomograms.star", "global", labels, [[NAME, f"tilt_series/{NAME}.star", *sizes]]
+    )
     write_stack(series, scene, folder / f"{NAME}.mrcs")
     write_views(series, scene, held, errors, folder / "views.csv")
     spread = 100.0 * float(np.ptp(series.magnification))

@@ -50,6 +50,8 @@ SEEDS = {
     "jeol": [fuzz.JEOL],
     "sidecar": [vendor.hitachi().encode(), fuzz.JEOL, vendor.tescan_hdr().encode()],
     "table": [fuzz.TABLE],
+    "stack": [fuzz.tiny_stack()],
+    "mdoc": [fuzz.MDOC, fuzz.ANGLES],
     "file": [fuzz.tiny_tiff(), *fuzz.tiny_others()],
 }
 
