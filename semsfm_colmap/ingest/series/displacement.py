@@ -31,7 +31,7 @@ def read_displacements(path: Path, names: Sequence[str]) -> tuple[Float, list[st
     """
     table = read_series_table(path)
     if all(row.displacement_um is None for row in table.rows):
-        said = f" ({table.warnings[0]})" if table.warnings else ""
+        said = f" ({table.warnings[0].rstrip('.')})" if table.warnings else ""
         raise InputError(
             f"{path} has no value in a column {COLUMN}{said}; name the column so, and give "
             "micrometres."
