@@ -140,6 +140,8 @@ def _read_mdoc(path: Path, stack: Path, num_sections: int) -> StackNotes:
             current = sections.setdefault(int(block[2]), {})
         elif block[1] == "T":
             titles.append(block[2])
+        else:  # frame sets, montages: of no section
+            current = {}
     if sections and sorted(sections) != list(range(num_sections)):
         raise InputError(
             f"{path} describes {len(sections)} images, numbers {min(sections)} to "

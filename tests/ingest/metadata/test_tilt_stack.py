@@ -68,6 +68,15 @@ def test_an_mdoc_gives_tilts_pixel_size_and_axis(tmp_path: Path) -> None:
     assert back.frames[0].metadata.tilt_axis_rad == pytest.approx(radians(102.5))
 
 
+def test_blocks_of_an_mdoc_that_are_no_sections_are_passed_over(stack: Path) -> None:
+    path = write_mdoc(stack.with_suffix(".mdoc"), TILTS, "[FrameSet = 0]\nPixelSpacing = 9\n")
+    text = path.read_text(encoding="utf-8") + "[MontSection = 0]\nTiltAngle = 80\n"
+    path.write_bytes(text.replace("\n", "\r\n").encode())
+    series = prepared(stack)
+    assert tilts_deg(series) == pytest.approx(TILTS)
+    assert not any("PixelSpacing" in said or "but a.mdoc" in said for said in series.warnings)
+
+
 def test_rawtlt_has_the_last_word_and_the_difference_is_said(stack: Path) -> None:
     write_mdoc(stack.with_suffix(".mdoc"), [tilt + 2.0 for tilt in TILTS], "PixelSpacing = 200\n")
     text = "\n".join(map(str, TILTS))
