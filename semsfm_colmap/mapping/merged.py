@@ -25,6 +25,14 @@ a few score that agree by chance are what an image of another specimen comes in 
 PIXEL_SIZE_TOLERANCE = 0.05
 """Relative: makers of microscopes promise a few per cent for the pixel sizes that they record."""
 
+LIT_ALIKE_DEG = 15.0
+"""Series turned by less in the image plane show the specimen lit from about the same side."""
+LIGHT_NOTE = (
+    "the detector lights series that are turned in the image plane from other sides of the "
+    "specimen, which moves what is matched between them: how they lie to each other is off by more "
+    "than the error bars say, by 0.2 deg on a rendered body of 500 px (docs/merge.md)"
+)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeriesPlace:
@@ -45,6 +53,9 @@ class SeriesPlace:
     """(3,) about which it turned; None: it did not"""
     range_deg: float
     """largest minus smallest angle about it"""
+    in_plane_deg: float
+    """turn in the image plane against the first series, where the two look along most nearly the
+    same line; nan without images"""
 
 
 def places_in(
@@ -69,11 +80,12 @@ def places_in(
     seen = np.zeros((len(reconstruction.points), len(series_names)), dtype=bool)
     seen[obs.track_idx, series[obs.image_idx]] = True
     shared = seen.sum(axis=1) > 1
+    R = reconstruction.cameras.cam_from_world
     log_scale = np.log(reconstruction.cameras.scale_px_per_unit)
     places = []
     for k, name in enumerate(series_names):
         mine = series == k
-        turn = fit_axis(reconstruction.cameras.cam_from_world[mine]) if mine.sum() > 1 else None
+        turn = fit_axis(R[mine]) if mine.sum() > 1 else None
         places.append(
             SeriesPlace(
                 name=name,
@@ -84,9 +96,28 @@ def places_in(
                 pixel_size_um=pixel_sizes_um[k],
                 axis_world=None if turn is None else turn.axis_world,
                 range_deg=0.0 if turn is None else float(np.rad2deg(turn.range_rad)),
+                in_plane_deg=in_plane_turn_deg(R[series == 0], R[mine]),
             )
         )
     return places
+
+
+def in_plane_turn_deg(first: Float, second: Float) -> float:
+    """Turn about the viewing direction from one series to another, -180 to 180; nan without images.
+
+    Of the images that look along most nearly the same line, ``Q = R_second R_first^T`` is nearest
+    to a rotation about z by ``atan2(Q_10 - Q_01, Q_00 + Q_11)``.
+
+    Parameters
+    ----------
+    first, second : (M, 3, 3), (N, 3, 3) rotations of the cameras
+
+    """
+    if not len(first) or not len(second):
+        return math.nan
+    i, j = np.unravel_index(np.argmax(first[:, 2] @ second[:, 2].T), (len(first), len(second)))
+    Q = second[j] @ first[i].T
+    return float(np.rad2deg(np.arctan2(Q[1, 0] - Q[0, 1], Q[0, 0] + Q[1, 1])))
 
 
 def series_apart(places: Sequence[SeriesPlace]) -> str | None:
@@ -119,7 +150,10 @@ def series_notes(places: Sequence[SeriesPlace]) -> list[str]:
         )
         if place is not first:
             ratio = math.exp(place.log_scale - first.log_scale)
-            text += f"; {ratio:.4f} times the magnification of {first.name}"
+            text += (
+                f"; turned by {place.in_plane_deg:.0f} deg in the image plane against {first.name}"
+                f", {ratio:.4f} times its magnification"
+            )
             if first.pixel_size_um and place.pixel_size_um:
                 recorded = first.pixel_size_um / place.pixel_size_um
                 text += f" ({recorded:.4f} times by the pixel sizes"
@@ -127,8 +161,10 @@ def series_notes(places: Sequence[SeriesPlace]) -> list[str]:
                 text += ": one of the two is wrong)" if wrong else ")"
             angle = axis_angle_deg(first, place)
             if angle is not None:
-                text += f", about an axis {angle:.1f} deg from that of {first.name}"
+                text += f", about an axis {angle:.1f} deg from its axis"
         notes.append(text)
+    if any(abs(place.in_plane_deg) > LIT_ALIKE_DEG for place in places):
+        notes.append(LIGHT_NOTE)
     return notes
 
 

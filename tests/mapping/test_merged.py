@@ -8,7 +8,9 @@ import pytest
 from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.mapping.merged import (
+    LIGHT_NOTE,
     MIN_SHARED_POINTS,
+    in_plane_turn_deg,
     places_in,
     series_apart,
     series_notes,
@@ -91,9 +93,27 @@ def test_shared_points_ratio_and_axes_are_those_of_the_cameras(model, truth):
     assert first.range_deg == pytest.approx(np.ptp(np.linspace(-35, 35, 16)[::2]), abs=1e-6)
     assert series_apart([first, second]) is None
     note = series_notes([first, second])[1]
-    assert "1.7000 times the magnification of a" in note
+    assert "1.7000 times its magnification" in note
+    assert second.in_plane_deg == pytest.approx(90.0, abs=0.1)
+    assert first.in_plane_deg == pytest.approx(0.0, abs=1e-6)
+    assert "turned by 90 deg in the image plane against a" in note
+    assert series_notes([first, second])[2] == LIGHT_NOTE
     # axis (0.02, 1, 0.03): a quarter turn about z leaves 0.03^2 of its cosine
-    assert "axis 89.9 deg from that of a" in note
+    assert "axis 89.9 deg from its axis" in note
+
+
+@pytest.mark.parametrize("angle_deg", [-120.0, 0.0, 35.0])
+def test_a_turn_in_the_image_plane_is_found_from_views_along_one_line(truth, angle_deg):
+    R = truth[0].cam_from_world[:8]
+    about_z = rotation_from_vector(np.array([0.0, 0.0, np.deg2rad(angle_deg)]))
+    assert in_plane_turn_deg(R, about_z @ R[5:]) == pytest.approx(angle_deg, abs=1e-9)
+    assert np.isnan(in_plane_turn_deg(R, R[:0]))
+
+
+def test_series_lit_from_the_same_side_need_no_warning(model):
+    first, second = places(model)
+    assert len(series_notes([first, replace(second, in_plane_deg=-10.0)])) == 2
+    assert series_notes([first, replace(second, in_plane_deg=-20.0)])[2] == LIGHT_NOTE
 
 
 def test_a_ratio_that_the_pixel_sizes_contradict_is_said(model):
