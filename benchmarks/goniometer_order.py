@@ -1,8 +1,8 @@
 """What displacements do to a belt whose images are shuffled, and to its angles as a prior.
 
 One rendered belt (`benchmarks.goniometer`), its images in order and under shuffled names; with its
-displacements, without them, and with wrong ones. Rotation errors are what is left after a common
-rotation of the world.
+displacements, without them, and with wrong ones; no guided pass. Rotation errors are what is left
+after a common rotation of the world.
 """
 
 from __future__ import annotations
@@ -90,7 +90,8 @@ def config_of(case: Case, folder: Path, belt: Belt) -> Config:
         degrees_per_um=factor,
     )
     matching = replace(config.matching, pairs="exhaustive" if case.exhaustive else "auto")
-    return replace(config, ingest=ingest, matching=matching)
+    guided = replace(config.guided, enabled=False)
+    return replace(config, ingest=ingest, matching=matching, guided=guided)
 
 
 def median_error_deg(project: Path, names: dict[str, str], truth: Truth) -> float:
