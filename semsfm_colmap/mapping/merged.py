@@ -29,8 +29,8 @@ LIT_ALIKE_DEG = 15.0
 """Series turned by less in the image plane show the specimen lit from about the same side."""
 LIGHT_NOTE = (
     "the detector lights series that are turned in the image plane from other sides of the "
-    "specimen, which moves what is matched between them: how they lie to each other is off by more "
-    "than the error bars say, by 0.2 deg on a rendered body of 500 px (docs/merge.md)"
+    "specimen, which moves what is matched between them: how they lie to each other may be off by "
+    "more than the error bars say, by 0.2 deg on a rendered body of 500 px (docs/merge.md)"
 )
 
 

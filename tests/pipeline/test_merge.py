@@ -16,8 +16,11 @@ from semsfm_colmap.geometry.rotations import rotation_angle, rotation_from_vecto
 from semsfm_colmap.pipeline.merge import check_crossing, merge_projects, series_labels
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.record import RunRecord, StageEntry
+from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.records import MatchRecord, PairStatistics
+from semsfm_colmap.synthetic.series import synthesize
 from semsfm_colmap.types import SemFrame, SemSeries
+from tests.conftest import SMALL
 
 ZOOM = 1.5
 QUICK = config_from_dict({"guided": {"enabled": False}})
@@ -120,6 +123,15 @@ def test_what_cannot_be_merged_is_one_sentence(
     assert said in error
     assert "\n" not in error
     assert not (tmp_path / "m").exists()
+
+
+def test_a_series_of_another_specimen_is_refused(small_project, tmp_path):
+    images = synthesize(tmp_path / "series", replace(SMALL, seed=77))
+    other = tmp_path / "other"
+    run_stages(other, QUICK, names=("ingest",), image_path=images)
+    with pytest.raises(InputError, match=r"no image of other matches one of p: .* was merged$"):
+        merge_projects([small_project, other], tmp_path / "m", QUICK)
+    assert not (tmp_path / "m" / "sparse").exists()
 
 
 def test_an_image_that_has_gone_is_named(small_project, mounted_anew, tmp_path):
