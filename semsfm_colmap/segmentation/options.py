@@ -31,7 +31,7 @@ class SegmentationOptions:
     """Neighbours that a point shares its label with."""
     num_roughness_neighbors: int = 24
     """Neighbours whose distance from their plane is the roughness."""
-    smoothness: float = 20.0
+    smoothness: float = 5.0
     """Weight of what the neighbours say against what the point itself looks like."""
     min_height_sigma: float = 6.0
     """What stands out from a substrate this many deviations of its height is no substrate."""

@@ -47,8 +47,9 @@ MIN_PITCH_RADII = 0.4
 """Shortest pitch that is looked for, in radii of the support."""
 MIN_TURNS = 1.0
 """A helix is told from a bent rod when the support shows at least one turn of it."""
-MIN_HELIX_STRENGTH = 0.3
-"""Between a round stalk, 0, and a ribbon that covers half of a turn, 0.64."""
+MIN_HELIX_STRENGTH = 0.2
+"""Between round stalks seen from one side, up to 0.14, and ribbons whose gaps a coarse stereo
+bridges, 0.26 and more; one that covers half of a turn has 0.64."""
 START_SLICES = 3
 """Slices at the border that the first axis is fitted to."""
 
