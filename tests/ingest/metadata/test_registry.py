@@ -110,7 +110,8 @@ def test_real_headers_give_the_values_read_off_by_hand(name: str) -> None:
         else:
             assert value == expected, field
         assert (field in source) == (value is not None), field
-    assert values == {"displacement_um": None}  # no microscope knows it
+    # no microscope knows these
+    assert values == {"displacement_um": None, "tilt_axis_rad": None}
 
 
 def fei_sources(tag: str, beam: str = "[Beam]") -> dict[str, str]:
