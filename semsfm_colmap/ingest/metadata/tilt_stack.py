@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 from semsfm_colmap.errors import InputError
@@ -53,13 +54,23 @@ class StackNotes:
 def read_stack_notes(stack: Path, num_sections: int) -> StackNotes:
     """Read what lies beside a stack; .rawtlt has the last word on tilts.
 
+    Every section asks: as long as the files are the same, they are read once.
+
     Raises
     ------
     InputError where a file does not belong to a stack of so many sections, or holds no numbers
 
     """
+    files = tuple(companion_files(stack))
+    state = tuple((s.st_ino, s.st_size, s.st_mtime_ns) for s in (path.stat() for path in files))
+    return _read_notes(stack, num_sections, files, state)
+
+
+@lru_cache(maxsize=8)
+def _read_notes(
+    stack: Path, num_sections: int, files: tuple[Path, ...], state: tuple[tuple[int, ...], ...]
+) -> StackNotes:
     notes = StackNotes()
-    files = companion_files(stack)
     mdoc = next((path for path in files if path.suffix == NOTES_SUFFIX), None)
     if mdoc is not None:
         notes = _read_mdoc(mdoc, stack, num_sections)

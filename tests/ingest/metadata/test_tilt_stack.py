@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.ingest.metadata.tilt_stack import read_stack_notes
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.prepare import prepare_series
 from semsfm_colmap.ingest.series.file import read_series
@@ -48,6 +49,16 @@ def test_rawtlt_gives_the_known_tilts(stack: Path) -> None:
     assert prior is not None
     assert prior.source == "a.rawtlt"
     assert prior.axis_image_rad is None
+
+
+def test_a_file_that_was_edited_is_read_again(stack: Path) -> None:
+    rawtlt = stack.with_suffix(".rawtlt")
+    rawtlt.write_text("1\n2\n3\n4\n", encoding="utf-8")
+    assert read_stack_notes(stack, 4).tilt_deg[3] == 4.0
+    rawtlt.write_text("1\n2\n3\n40\n", encoding="utf-8")
+    assert read_stack_notes(stack, 4).tilt_deg[3] == 40.0
+    rawtlt.unlink()
+    assert read_stack_notes(stack, 4).tilt_deg == {}
 
 
 def test_an_mdoc_gives_tilts_pixel_size_and_axis(tmp_path: Path) -> None:
