@@ -7,7 +7,7 @@ viewer. Angles are radians. Units stand in the names: ``_px _um _rad _deg``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Generic, Literal, Protocol, TypeVar
 
@@ -103,6 +103,12 @@ class SemSeries:
     def names(self) -> tuple[str, ...]:
         """Image names in acquisition order."""
         return tuple(frame.name for frame in self.frames)
+
+    def recorded(self, quantity: str, names: Sequence[str] | None = None) -> Float:
+        """A number of the metadata of all images, or of some by name: (M,), nan where none is."""
+        value = {frame.name: getattr(frame.metadata, quantity) for frame in self.frames}
+        said = [value.get(name) for name in (self.names if names is None else names)]
+        return np.array([np.nan if v is None else v for v in said], dtype=np.float64)
 
     @property
     def series_names(self) -> tuple[str, ...]:
@@ -245,6 +251,11 @@ class OrthographicCameras(_Frozen):
 
     def __len__(self) -> int:
         return len(self.scale_px_per_unit)
+
+    @property
+    def mean_scale_px_per_unit(self) -> float:
+        """Geometric mean of the magnifications."""
+        return float(np.exp(np.mean(np.log(self.scale_px_per_unit))))
 
     @property
     def common_scale(self) -> Float:

@@ -114,10 +114,8 @@ def compare_models(
     change = ModelChange(
         rotation_deg=rotation,
         magnification=magnification,
-        world_scale=float(
-            np.exp(np.mean(np.log(reading.reconstruction.cameras.scale_px_per_unit)))
-            / np.exp(np.mean(np.log(old.cameras.scale_px_per_unit)))
-        ),
+        world_scale=reading.reconstruction.cameras.mean_scale_px_per_unit
+        / old.cameras.mean_scale_px_per_unit,
         num_points=(len(old.points), len(new.points)),
         num_observations=(int(old.inlier.sum()), len(new.observations)),
         num_common_observations=len(common_old),

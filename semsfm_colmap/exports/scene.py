@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from semsfm_colmap.colmap.model.rows import model_rows
 from semsfm_colmap.colmap.model.sidecar import FILE_NAME, read_sidecar
@@ -130,11 +128,5 @@ def read_scene(
         database_path=database_path,
         depth_map_path=depth_map_path,
         mesh_path=mesh_path,
-        tilt_rad=None if series is None else recorded_tilts(series, names),
+        tilt_rad=None if series is None else series.recorded("tilt_rad", names),
     )
-
-
-def recorded_tilts(series: SemSeries, names: Sequence[str]) -> Float:
-    """Recorded tilts of some images in rad, nan where none is: (M,)."""
-    tilts = {frame.name: frame.metadata.tilt_rad for frame in series.frames}
-    return np.array([np.nan if tilts.get(n) is None else tilts[n] for n in names], np.float64)

@@ -195,7 +195,7 @@ def tilt_series(scene: ExportScene) -> TiltSeries:
     start = _frame_facing(w, P[0, 2])
     tomogram_from_world = _about(Y_AXIS, np.array(zero)) @ start
     scale = cameras.scale_px_per_unit
-    mean_scale = float(np.exp(np.mean(np.log(scale))))
+    mean_scale = cameras.mean_scale_px_per_unit
     center = reconstruction.points.mean(axis=0)
     to_px = mean_scale * tomogram_from_world
     K = Y_AND_Z_REVERSED[:2, :2] @ cameras.K2 @ Y_AND_Z_REVERSED[:2, :2]

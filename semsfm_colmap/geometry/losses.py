@@ -15,6 +15,8 @@ import numpy as np
 from semsfm_colmap.types import Float
 
 LossName = Literal["squared", "huber", "cauchy"]
+HUBER_TUNING = 1.345
+"""Width of Huber's loss in one coordinate: 95 % efficiency on Gaussian errors [Huber 1964]."""
 
 
 def loss(name: LossName, s: Float, width: float) -> Float:

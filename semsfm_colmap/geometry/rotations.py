@@ -76,6 +76,18 @@ def nearest_rotation(B: Float) -> Float:
     return np.asarray(U @ Vt)
 
 
+def wrapped(angle: Float, turn: float = 2.0 * np.pi) -> Float:
+    """The same angles in [-turn / 2, turn / 2).
+
+    Examples
+    --------
+    >>> wrapped(np.array([190.0, -180.0, 180.0]), 360.0)
+    array([-170., -180., -180.])
+
+    """
+    return np.asarray((angle + 0.5 * turn) % turn - 0.5 * turn)
+
+
 def rotation_angle(R: Float) -> Float:
     """Angle of each rotation, accurate near 0 and pi: (..., 3, 3) -> (...) rad.
 

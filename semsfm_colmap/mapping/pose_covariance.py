@@ -100,7 +100,7 @@ def _displacement(
 def _as_refined(reconstruction: Reconstruction, options: RefinementOptions) -> Refined:
     """The model as its adjustment left it: about a pixel a unit, with its points and residuals."""
     cameras = reconstruction.cameras
-    px_per_unit = float(np.exp(np.mean(np.log(cameras.scale_px_per_unit))))
+    px_per_unit = cameras.mean_scale_px_per_unit
     scaled = OrthographicCameras(
         cam_from_world=np.asarray(cameras.cam_from_world),
         scale_px_per_unit=cameras.scale_px_per_unit / px_per_unit,

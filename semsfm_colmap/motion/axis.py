@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semsfm_colmap.geometry.rotations import rotation_angle
+from semsfm_colmap.geometry.rotations import rotation_angle, wrapped
 from semsfm_colmap.types import Float
 
 MIN_ROTATION_RAD = 1e-6
@@ -64,8 +64,7 @@ class AxisRotation:
     @property
     def closing_step_rad(self) -> float:
         """From the last image on to the first, wrapped to (-pi, pi]."""
-        step = float(self.angle_rad[0] - self.angle_rad[-1])
-        return float(-((-step + np.pi) % (2.0 * np.pi) - np.pi))
+        return -float(wrapped(self.angle_rad[-1] - self.angle_rad[0]))
 
 
 def frame_with_third_axis(axis: Float) -> Float:

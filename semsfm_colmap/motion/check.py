@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.geometry import losses
 from semsfm_colmap.io.wording import abbreviate
 from semsfm_colmap.motion.axis import AxisRotation, fit_axis
 from semsfm_colmap.motion.prior import MIN_RANGE_DEG, TiltPrior, known_tilts
@@ -119,7 +120,7 @@ def tilt_line(known_rad: Float, seen_rad: Float) -> TiltLine | None:
         offset = float(my - slope * mx)
         residual = y - slope * x - offset
         scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
-        weight = np.minimum(1.0, 1.345 * scale / np.maximum(np.abs(residual), 1e-12))
+        weight = losses.weight("huber", (residual / scale) ** 2, losses.HUBER_TUNING)
     return TiltLine(slope=slope, residual_rad=y - slope * x - offset)
 
 

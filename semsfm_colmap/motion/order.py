@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from semsfm_colmap.geometry.rotations import wrapped
 from semsfm_colmap.motion.axis import AxisRotation
-from semsfm_colmap.types import Float, Int
+from semsfm_colmap.types import Int
 
 MIN_IMAGES = 6
 """Fewer images turn back often by chance."""
@@ -19,11 +20,6 @@ MAX_TURNING_BACK = 1.0 / 3.0
 """Share of steps that turn back up to which a series is in order: half of the 2/3 by chance."""
 SMALL_STEP = 0.1
 """Steps below this part of the median one say nothing about the direction."""
-
-
-def wrapped_steps(angle_rad: Float) -> Float:
-    """(M - 1,) from each image to the next, in [-pi, pi)."""
-    return np.asarray((np.diff(angle_rad) + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def is_in_order(series: AxisRotation) -> bool:
@@ -41,7 +37,7 @@ def is_in_order(series: AxisRotation) -> bool:
     """
     if len(series.angle_rad) < MIN_IMAGES:
         return True
-    step = wrapped_steps(series.angle_rad)
+    step = wrapped(series.step_rad)
     size = np.abs(step)
     sign = np.sign(step[size > SMALL_STEP * float(np.median(size))])
     return bool(np.mean(sign[1:] != sign[:-1]) <= MAX_TURNING_BACK) if len(sign) > 1 else True

@@ -22,10 +22,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.geometry import losses
 from semsfm_colmap.motion.axis import AxisRotation, frame_with_third_axis
 from semsfm_colmap.types import Float, OrthographicCameras
 
-HUBER_TUNING = 1.345
 MAX_ITERATIONS = 30
 EXACT_PX = 1e-9
 MIN_RANGE_RAD = math.radians(30.0)
@@ -82,7 +82,7 @@ def specimen_path(
     p = cameras.project(np.broadcast_to(centre, (M, 3)), np.arange(M))
     if series.range_rad < MIN_RANGE_RAD or M < MIN_IMAGES:
         return SpecimenPath(centre_px=p, circle=None)
-    scale = float(np.exp(np.mean(np.log(cameras.scale_px_per_unit))))
+    scale = cameras.mean_scale_px_per_unit
     beside = frame_with_third_axis(series.axis_world)[:, :2] / scale
     phi = series.angle_rad - series.angle_rad.mean()
     A = np.zeros((M, 2, 6))
@@ -122,7 +122,7 @@ def _fit(A: Float, p: Float) -> tuple[Float, Float]:
         # median length of two normal coordinates of sigma 1: sqrt(2 log 2)
         sigma = float(np.median(length)) / math.sqrt(2.0 * math.log(2.0))
         sigma = max(sigma * math.sqrt(2 * M / (2 * M - n)), EXACT_PX)
-        weight = np.minimum(1.0, HUBER_TUNING * sigma / np.maximum(length, EXACT_PX))
+        weight = losses.weight("huber", (length / sigma) ** 2, losses.HUBER_TUNING)
     together = float(np.sum(rest[1:] * rest[:-1]) / max(np.sum(rest**2), EXACT_PX**2))
     together = min(max(together, 0.0), MAX_CORRELATION)
     return beta, np.linalg.inv(normal) * sigma**2 * (1.0 + together) / (1.0 - together)

@@ -23,10 +23,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.geometry import losses
+from semsfm_colmap.geometry.rotations import wrapped
 from semsfm_colmap.types import Bool, Float, Int
 
-HUBER_TUNING = 1.345
-"""95 % efficiency on Gaussian errors [Huber 1964]."""
 MAX_ITERATIONS = 50
 OUTLIER_SIGMAS = 4.0
 """Residuals beyond so many robust standard deviations are named: one Gaussian in 16,000."""
@@ -142,7 +142,7 @@ def fit_readout(
         columns.append(0.5 * way)
     A = np.stack(columns, axis=1)
     fit = _fit(A, y, C)
-    residual = _wrapped(y - A @ fit.beta)
+    residual = -wrapped(A @ fit.beta - y)
     if np.any(np.abs(residual - (y - A @ fit.beta)) > math.pi):
         # a frame that does not follow the others was a turn off
         y = A @ fit.beta + residual
@@ -188,9 +188,7 @@ def _fit(A: Float, y: Float, C: Float) -> _Fit:
         r = y - A @ (L @ y)
         width = 1.4826 * float(np.median(np.abs(r))) * math.sqrt(K / (K - p))
         before = weight
-        weight = np.minimum(
-            1.0, HUBER_TUNING * max(width, EXACT_RAD) / np.maximum(np.abs(r), EXACT_RAD)
-        )
+        weight = losses.weight("huber", (r / max(width, EXACT_RAD)) ** 2, losses.HUBER_TUNING)
         if np.max(np.abs(weight - before)) < 1e-6:
             break
     # the median only says which residuals are those of the bulk: their mean square is steadier
@@ -201,8 +199,3 @@ def _fit(A: Float, y: Float, C: Float) -> _Fit:
     own = max(scatter**2 - explained, 0.0)
     covariance = L @ (C + own * np.eye(K)) @ L.T
     return _Fit(beta=L @ y, covariance=covariance, scatter=scatter)
-
-
-def _wrapped(angle_rad: Float) -> Float:
-    """Angles in (-pi, pi]."""
-    return np.asarray(-((-angle_rad + np.pi) % (2.0 * np.pi) - np.pi))

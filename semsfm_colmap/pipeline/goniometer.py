@@ -72,7 +72,7 @@ def _measure(project: Project, config: Config, displacement_path: Path | None) -
 
     from semsfm_colmap.colmap.model.sidecar import FILE_NAME, read_sidecar
     from semsfm_colmap.mapping.pose_covariance import angle_stretch, rotation_covariance
-    from semsfm_colmap.motion.goniometer import measure_goniometer
+    from semsfm_colmap.motion.goniometer import Readout, measure_goniometer
     from semsfm_colmap.motion.goniometer_record import goniometer_record
 
     model, series = project.read_main_model(), project.read_series()
@@ -80,7 +80,7 @@ def _measure(project: Project, config: Config, displacement_path: Path | None) -
     names = [name for name in series.names if name in number]
     images = np.array([number[name] for name in names], dtype=np.int64)
     displacement, source, notes = displacements_of(series, names, displacement_path)
-    tilt = tilts_of(series, names)
+    tilt = Readout(value=series.recorded("tilt_rad", names))
     said = read_sidecar(model_path(project) / FILE_NAME).get("reliability")
     reliability = None if said is None else from_plain(Reliability, said)
     covariance = rotation_covariance(model, config.refinement, reliability)
@@ -118,8 +118,6 @@ def displacements_of(
     series: SemSeries, names: Sequence[str], displacement_path: Path | None
 ) -> tuple[Readout, str, list[str]]:
     """Displacements of some images, from a table or as the series has them; source, remarks."""
-    import numpy as np
-
     from semsfm_colmap.ingest.series.displacement import read_displacements
     from semsfm_colmap.motion.goniometer import Readout
     from semsfm_colmap.motion.readout import MIN_READOUTS
@@ -129,11 +127,10 @@ def displacements_of(
         value, notes = read_displacements(displacement_path, names)
         source = f"table {displacement_path.name}"
     else:
-        recorded = {frame.name: frame.metadata for frame in series.frames}
-        said = [recorded[name].displacement_um for name in names]
-        value = np.array([np.nan if v is None else v for v in said], dtype=np.float64)
+        value = series.recorded("displacement_um", names)
+        sources = {frame.name: frame.metadata.source for frame in series.frames}
         source = "; ".join(
-            sorted({recorded[name].source.get("displacement_um", "") for name in names} - {""})
+            sorted({sources[name].get("displacement_um", "") for name in names} - {""})
         )
     readout = Readout(value=value)
     if len(readout.known) and not readout.differs:
@@ -144,17 +141,6 @@ def displacements_of(
         )
         notes.append(f"the displacements ({source}) give no conversion: {why}")
     return readout, source, notes
-
-
-def tilts_of(series: SemSeries, names: Sequence[str]) -> Readout:
-    """The tilts that the stage recorded, in rad."""
-    import numpy as np
-
-    from semsfm_colmap.motion.goniometer import Readout
-
-    recorded = {frame.name: frame.metadata.tilt_rad for frame in series.frames}
-    said = [recorded[name] for name in names]
-    return Readout(value=np.array([np.nan if v is None else v for v in said], dtype=np.float64))
 
 
 def model_path(project: Project) -> Path:

@@ -18,7 +18,7 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.points import track_pointer
-from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.geometry.rotations import rotation_from_vector, wrapped
 from semsfm_colmap.geometry.subset import take_exactly, take_subset
 from semsfm_colmap.motion.axis import AxisRotation, fit_axis
 from semsfm_colmap.planning.options import Criterion, NextOptions, NoiseOptions
@@ -83,7 +83,7 @@ def mapped_series(
     axis = fit_axis(np.asarray(cameras.cam_from_world))
     if axis is None:
         raise InputError("nothing turns in this model: there is no axis to add angles about")
-    unit = float(np.exp(np.mean(np.log(cameras.scale_px_per_unit))))
+    unit = cameras.mean_scale_px_per_unit
     cameras = replace(cameras, scale_px_per_unit=cameras.scale_px_per_unit / unit)
     inside = reconstruction.inlier
     obs = reconstruction.observations.select(inside)
@@ -149,7 +149,7 @@ def next_angles(series: MappedSeries, options: NextOptions) -> NextAngles:
         best: tuple[Geometry, Prediction] | None = None
         there = np.append(np.rad2deg(series.axis.angle_rad), [image.angle_deg for image in added])
         for k, angle in enumerate(candidates):
-            if np.abs(wrapped_deg(angle - there)).min() > options.max_from_nearest_deg:
+            if np.abs(wrapped(angle - there, 360.0)).min() > options.max_from_nearest_deg:
                 continue
             with_it = with_image(geometry, series, angle)
             found = None if with_it is None else predict(with_it, series.noise)
@@ -213,14 +213,9 @@ def facing(normals: Float, cam_from_world: Float, visible_deg: float) -> Bool:
     return np.asarray(toward >= math.cos(math.radians(visible_deg)))
 
 
-def wrapped_deg(angle_deg: Float) -> Float:
-    """The same angles in [-180, 180)."""
-    return np.asarray((angle_deg + 180.0) % 360.0 - 180.0)
-
-
 def _nearest(axis: AxisRotation, angle_deg: float) -> tuple[int, float]:
     """The image nearest to an angle, and the angle from it, deg."""
-    apart = wrapped_deg(angle_deg - np.rad2deg(axis.angle_rad))
+    apart = wrapped(angle_deg - np.rad2deg(axis.angle_rad), 360.0)
     nearest = int(np.argmin(np.abs(apart)))
     return nearest, float(apart[nearest])
 

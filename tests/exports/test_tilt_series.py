@@ -11,7 +11,7 @@ from PIL import Image
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.exports.formats import aretomo, imod, relion_star
 from semsfm_colmap.exports.options import FormatOptions
-from semsfm_colmap.exports.scene import ExportScene, recorded_tilts
+from semsfm_colmap.exports.scene import ExportScene
 from semsfm_colmap.exports.tilt_series import tilt_series
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.ingest.files.listing import find_images
@@ -273,7 +273,7 @@ def test_recorded_tilts_come_from_the_series_by_name() -> None:
         )
         for name, tilt in (("a", 0.1), ("b", None), ("c", 0.3))
     )  # fmt: skip
-    found = recorded_tilts(SemSeries(frames=frames), ["c", "b", "x"])
+    found = SemSeries(frames=frames).recorded("tilt_rad", ["c", "b", "x"])
     np.testing.assert_array_equal(found, [0.3, np.nan, np.nan])
 
 

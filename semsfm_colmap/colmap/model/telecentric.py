@@ -112,8 +112,8 @@ def pinhole_cameras(
     """
     s = np.asarray(cameras.scale_px_per_unit)
     principal = np.asarray(image_size_px) / 2.0
-    mean_scale = float(np.exp(np.mean(np.log(s))))
-    fx = focal_length_px * s / mean_scale if equal_distance else np.full(len(s), focal_length_px)
+    mean = cameras.mean_scale_px_per_unit
+    fx = focal_length_px * s / mean if equal_distance else np.full(len(s), focal_length_px)
     K2_inverse = np.linalg.inv(cameras.K2)
     offset = (cameras.translation_px - principal) @ K2_inverse.T / s[:, None]
     return PinholeCameras(

@@ -25,9 +25,7 @@ def tilt_prior(series: SemSeries, options: IngestOptions) -> TiltPrior | None:
     axis = parse_axis(options.tilt_axis)
     if axis is None:
         axis = recorded_axis(series)
-    angles = np.array(
-        [np.nan if f.metadata.tilt_rad is None else f.metadata.tilt_rad for f in series.frames]
-    )
+    angles = series.recorded("tilt_rad")
     sources = {f.metadata.source.get("tilt_rad", "") for f in series.frames}
     from_table = any(source.startswith("table ") for source in sources)
     known = np.isfinite(angles)
@@ -60,10 +58,8 @@ def tilt_prior(series: SemSeries, options: IngestOptions) -> TiltPrior | None:
 
 def recorded_displacements(series: SemSeries) -> Float | None:
     """(M,) of the actuator in um, nan where none is recorded; None where they do not differ."""
-    said = [frame.metadata.displacement_um for frame in series.frames]
-    if len({value for value in said if value is not None}) < 2:
-        return None
-    return np.array([np.nan if value is None else value for value in said], dtype=np.float64)
+    said = series.recorded("displacement_um")
+    return said if len(np.unique(said[np.isfinite(said)])) >= 2 else None
 
 
 def recorded_axis(series: SemSeries) -> float | None:
