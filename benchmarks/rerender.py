@@ -25,9 +25,9 @@ from semsfm_colmap.io.ply import read_ply_mesh
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.surface.files import write_textured
 from semsfm_colmap.surface.options import SurfaceOptions
+from semsfm_colmap.surface.shading import Shading
 from semsfm_colmap.surface.stereo.undrift import drift_of, without_drift
 from semsfm_colmap.surface.texture.atlas import texture_mesh
-from semsfm_colmap.surface.texture.shading import Shading
 from semsfm_colmap.types import Array, Float, Int, OrthographicCameras, Reconstruction
 
 COMMAND = "rerender"

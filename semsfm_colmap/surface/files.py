@@ -18,7 +18,7 @@ from semsfm_colmap.io.atomic import file_aside, write_bytes, write_json, write_t
 from semsfm_colmap.io.ply import write_ply_file
 from semsfm_colmap.surface.depth_view import DepthView, LazyViews, parallel_view
 from semsfm_colmap.surface.half_series import HalfDifference
-from semsfm_colmap.surface.texture.shading import Shading
+from semsfm_colmap.surface.shading import Shading
 from semsfm_colmap.types import Array, DepthMap, Reconstruction, TriangleMesh
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.rerender import correlations, sampled
 from semsfm_colmap.surface.files import write_textured
-from semsfm_colmap.surface.texture.shading import Shading
+from semsfm_colmap.surface.shading import Shading
 from semsfm_colmap.types import Observations, OrthographicCameras, Reconstruction, TriangleMesh
 
 SIZE = 64

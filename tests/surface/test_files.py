@@ -18,7 +18,7 @@ from semsfm_colmap.surface.files import (
     write_shading,
     write_textured,
 )
-from semsfm_colmap.surface.texture.shading import Shading
+from semsfm_colmap.surface.shading import Shading
 from semsfm_colmap.types import DepthMap, TriangleMesh
 
 

@@ -3,7 +3,8 @@
 For each reference image: (1) sweep planes of constant depth at half size, correlate with the
 neighbours, smooth semi-globally: a depth for every pixel, in steps; (2) find the background;
 (3) from half to full size, fit local planes and move each depth by Gauss-Newton on windows that lie
-in these planes, with all neighbours at once: sharp, sub-step, unbiased by slant; (4) drop what no
+in these planes, with all neighbours at once, the reference seen in the light of each (`relight`):
+sharp, sub-step, unbiased by slant; (4) drop what no
 neighbour confirms and specks. All maps between images are affine and exact (`views.py`), so nothing
 is rectified. What single maps cannot know, whether others agree, is left to the fusion.
 """
@@ -23,9 +24,10 @@ from semsfm_colmap.surface.stereo.plane_kernels import local_planes
 from semsfm_colmap.surface.stereo.plane_sweep import sweep_depths
 from semsfm_colmap.surface.stereo.rasters import Raster, raster_reader
 from semsfm_colmap.surface.stereo.refine import refine_depths
+from semsfm_colmap.surface.stereo.relight import light_of
 from semsfm_colmap.surface.stereo.undrag import depth_without_drag
 from semsfm_colmap.surface.stereo.views import choose_neighbors, depth_range
-from semsfm_colmap.types import Array, DepthMap, Int, ParallelMap, Reconstruction
+from semsfm_colmap.types import Array, DepthMap, Float, Int, ParallelMap, Reconstruction
 
 _MAX_AT_A_TIME = 8
 """Each map in the making holds a cost volume of some 100 MB."""
@@ -74,11 +76,12 @@ def sweep_depth_maps(
         )
         for size in (full // 2, full)
     ]
+    light = light_of(reconstruction, readers[0])
     room = BoundedSemaphore(_MAX_AT_A_TIME)
 
     def job(reference: int) -> DepthMap:
         with room:
-            return sweep_depth_map(reconstruction, reference, readers, options)
+            return sweep_depth_map(reconstruction, reference, readers, light, options)
 
     return parallel_map(job, references.tolist())
 
@@ -87,6 +90,7 @@ def sweep_depth_map(
     reconstruction: Reconstruction,
     reference: int,
     readers: list[Callable[[int], Raster]],
+    light: Float,
     options: SurfaceOptions,
 ) -> DepthMap:
     """The depth map of one image; all nan when no neighbour gives parallax.
@@ -96,6 +100,7 @@ def sweep_depth_map(
     reconstruction : cameras, and points for the range of depths
     reference : image index
     readers : images at half and at full size
+    light : (3,) gradient of the shading, `relight.light_of`
     options : sizes, windows, thresholds
 
     """
@@ -117,7 +122,7 @@ def sweep_depth_map(
     if len(neighbors) == 0 or limits is None:
         return nothing
 
-    coarse = read_level(reconstruction, reference, neighbors, readers[0])
+    coarse = read_level(reconstruction, reference, neighbors, readers[0], light)
     planes = np.full(coarse.grey.shape, np.float32(0.5 * (limits[0] + limits[1])))
     half_range = 0.5 * (limits[1] - limits[0])
     depth, score = sweep_depths(coarse, planes, half_range, options)
@@ -125,14 +130,16 @@ def sweep_depth_map(
     depth[background(coarse.grey, empty, _HALO_PX, float(coarse.noise[0]))] = np.nan
     base = local_planes(depth, score, _BASE_RADIUS_PX, 2.5 * coarse.unit)
 
-    fine = read_level(reconstruction, reference, neighbors, readers[1])
+    fine = read_level(reconstruction, reference, neighbors, readers[1], light)
     base = _enlarge(base, fine.grey.shape)
     half_range = min(half_range, options.max_relief_px * fine.unit)
     depth, score = sweep_depths(fine, base, half_range, options)
     empty = _enlarge_mask(empty, fine.grey.shape)
     depth[background(fine.grey, empty, 2 * _HALO_PX, float(fine.noise[0]))] = np.nan
     depth[~fine.usable] = np.nan
-    depth, score, sigma = refine_depths(fine, depth, score, options)
+    depth, score, sigma = refine_depths(
+        fine, reconstruction.cameras, reference, depth, score, options
+    )
     outside = (depth < limits[0]) | (depth > limits[1])
     depth[(score < options.min_correlation) | outside] = np.nan
     depth = _drop_specks(depth, fine.unit, options.min_speck_px)

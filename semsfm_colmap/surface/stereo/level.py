@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semsfm_colmap.surface.stereo.rasters import Raster
+from semsfm_colmap.surface.stereo.relight import change_of_light
 from semsfm_colmap.surface.stereo.views import AffineSweep, affine_sweep
 from semsfm_colmap.types import Array, Bool, Float, Int, Reconstruction
 
@@ -16,6 +17,8 @@ from semsfm_colmap.types import Array, Bool, Float, Int, Reconstruction
 class Level:
     """V neighbours of a reference, the mean grey of the reference subtracted."""
 
+    mean_grey: float
+    """What was subtracted"""
     grey: Array
     """(H, W) float32"""
     usable: Bool
@@ -32,12 +35,27 @@ class Level:
     """Range of the reference's grey values."""
     unit: float
     """World units per px."""
+    change_of_light: Float
+    """(V, 3), see `relight`"""
+    scaling: Float
+    """(2,) Size of the level over that of the reference's image"""
 
 
 def read_level(
-    reconstruction: Reconstruction, reference: int, neighbors: Int, reader: Callable[[int], Raster]
+    reconstruction: Reconstruction,
+    reference: int,
+    neighbors: Int,
+    reader: Callable[[int], Raster],
+    light: Float,
 ) -> Level:
-    """Read the reference and its neighbours, pad the neighbours to one size."""
+    """Read the reference and its neighbours, pad the neighbours to one size.
+
+    Parameters
+    ----------
+    reader : from image index to raster
+    light : (3,) gradient of the shading
+
+    """
     rasters = [reader(int(j)) for j in neighbors]
     ref = reader(reference)
     sizes = reconstruction.image_size_px
@@ -55,7 +73,9 @@ def read_level(
         usable[j, :h, :w] = raster.usable
     low, high = np.percentile(ref.grey[::4, ::4], [1.0, 99.0])
     scale = reconstruction.cameras.scale_px_per_unit[reference] * scaling[reference].mean()
+    R = np.asarray(reconstruction.cameras.cam_from_world)
     return Level(
+        mean_grey=float(mean),
         grey=ref.grey - mean,
         usable=ref.usable,
         views=views,
@@ -64,4 +84,6 @@ def read_level(
         noise=np.array([max(r.noise, 0.25) for r in [ref, *rasters]]),
         contrast=max(float(high - low), 1.0),
         unit=float(1.0 / scale),
+        change_of_light=change_of_light(light, R, reference, neighbors),
+        scaling=scaling[reference],
     )

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from semsfm_colmap.surface.depth_geometry import camera_normals
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.level import Level
 from semsfm_colmap.surface.stereo.plane_kernels import local_planes
 from semsfm_colmap.surface.stereo.refine_kernels import slanted_step
-from semsfm_colmap.types import Array, Int
+from semsfm_colmap.surface.stereo.relight import relit
+from semsfm_colmap.types import Array, Int, OrthographicCameras
 
 _STRIDE_PX = 2
 """The steps move every second pixel, as on a chessboard. Their windows overlap by more than half,
@@ -16,9 +18,20 @@ so that the pixels between would say little of their own: they move as their nei
 
 
 def refine_depths(
-    level: Level, depth: Array, score: Array, options: SurfaceOptions
+    level: Level,
+    cameras: OrthographicCameras,
+    reference: int,
+    depth: Array,
+    score: Array,
+    options: SurfaceOptions,
 ) -> tuple[Array, Array, Array]:
     """Gauss-Newton on windows that lie in the local planes.
+
+    Parameters
+    ----------
+    level : at the size of the depths
+    cameras, reference : of the series, and the image of the depths
+    depth, score : (H, W) float32, overwritten
 
     Returns
     -------
@@ -31,8 +44,11 @@ def refine_depths(
     information = np.zeros_like(depth)
     for _ in range(options.num_refinements):
         plane = local_planes(depth, score, options.slope_radius_px, 2.5 * level.unit)
+        normals = camera_normals(cameras, reference, level.scaling, plane)
+        lit = relit(level.grey + level.mean_grey, normals, level.change_of_light)
         slanted_step(
             level.grey,
+            lit,
             plane,
             gradient,
             level.view_usable,

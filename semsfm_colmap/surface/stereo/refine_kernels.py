@@ -13,6 +13,7 @@ from semsfm_colmap.types import Array
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
 def slanted_step(
     reference: Array,
+    lit: Array,
     plane: Array,
     views: Array,
     view_usable: Array,
@@ -44,6 +45,7 @@ def slanted_step(
     Parameters
     ----------
     reference : (H, W) float32
+    lit : (V, H, W) float32, the reference in the light of each neighbour (`relight`)
     plane : (3, H, W) from `plane_kernels.local_planes`
     views : (V, H', W', 2) float32, grey and its change with depth
     view_usable : (V, H', W') uint8
@@ -81,7 +83,7 @@ def slanted_step(
                 depth[y, x] = z
                 score[y, x] = 0.0
                 continue
-            _reference_window(reference, x, y, window, window_weight, grey_cut, noise[0], weight, a)
+            _window_weights(reference, x, y, window, window_weight, grey_cut, weight)
             for j in range(V):
                 u = B[j, 0, 0] * (x + 0.5) + B[j, 0, 1] * (y + 0.5) + c[j, 0] * z + e[j, 0] - 0.5
                 v = B[j, 1, 0] * (x + 0.5) + B[j, 1, 1] * (y + 0.5) + c[j, 1] * z + e[j, 1] - 0.5
@@ -94,6 +96,7 @@ def slanted_step(
                 map_j[0], map_j[1] = B[j, 0, 0] + c[j, 0] * p, B[j, 0, 1] + c[j, 0] * q
                 map_j[2], map_j[3] = B[j, 1, 0] + c[j, 1] * p, B[j, 1, 1] + c[j, 1] * q
                 map_j[4], map_j[5] = u, v
+                _reference_window(lit[j], x, y, window, weight, noise[0], a)
                 view_terms(views[j], map_j, offset, weight, a, noise[1 + j], b, g, terms[j])
 
             best = max(terms[:, 0].max(), 0.0)
@@ -120,36 +123,45 @@ def slanted_step(
 
 
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
-def _reference_window(
+def _window_weights(
     reference: Array,
     x: int,
     y: int,
     window: Array,
     window_weight: Array,
     grey_cut: float,
-    noise: float,
     weight: Array,
-    a: Array,
 ) -> None:
-    """Weights that sum to one, and centred greys of unit norm, in place."""
+    """Weights of a window's samples that sum to one, in place."""
     H, W = reference.shape
     centre = reference[y, x]
-    total = mean = power = np.float32(0.0)
+    total = np.float32(0.0)
     inv_cut = np.float32(1.0 / grey_cut)
     for k in range(len(window)):
         xx, yy = x + window[k, 0], y + window[k, 1]
-        weight[k] = a[k] = 0.0
+        weight[k] = 0.0
         if 0 <= xx < W and 0 <= yy < H:
-            value = reference[yy, xx]
-            t = (value - centre) * inv_cut
+            t = (reference[yy, xx] - centre) * inv_cut
             w = max(np.float32(1.0) - t * t, np.float32(0.0))
-            w *= w * window_weight[k]
-            weight[k], a[k] = w, value
-            total += w
-            mean += w * value
-    mean /= total
+            weight[k] = w * w * window_weight[k]
+            total += weight[k]
     for k in range(len(window)):
         weight[k] /= total
+
+
+@numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
+def _reference_window(
+    grey: Array, x: int, y: int, window: Array, weight: Array, noise: float, a: Array
+) -> None:
+    """Centred greys of unit norm, in place; samples beyond the border have no weight."""
+    H, W = grey.shape
+    mean = power = np.float32(0.0)
+    for k in range(len(window)):
+        xx = min(max(x + window[k, 0], 0), W - 1)
+        yy = min(max(y + window[k, 1], 0), H - 1)
+        a[k] = grey[yy, xx]
+        mean += weight[k] * a[k]
+    for k in range(len(window)):
         a[k] -= mean
         power += weight[k] * a[k] * a[k]
     norm = np.float32(1.0 / math.sqrt(power + noise * noise))

@@ -29,10 +29,10 @@ from semsfm_colmap.io.open3d_rays import as_tensor, ray_scene, ray_tensor
 from semsfm_colmap.surface.mesh.from_cloud import as_stored
 from semsfm_colmap.surface.mesh.repair import welded
 from semsfm_colmap.surface.options import SurfaceOptions
+from semsfm_colmap.surface.shading import Shading, fit_shading
 from semsfm_colmap.surface.stereo.rasters import read_image
 from semsfm_colmap.surface.stereo.undrift import drift_of, drifted
 from semsfm_colmap.surface.texture.charts import BORDER_TEXELS, make_atlas
-from semsfm_colmap.surface.texture.shading import Shading, fit_shading
 from semsfm_colmap.surface.texture.texture_kernels import add_image, rasterize
 from semsfm_colmap.types import Array, Float, Reconstruction, TriangleMesh
 

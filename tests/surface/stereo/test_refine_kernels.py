@@ -68,6 +68,7 @@ def test_slanted_steps_lead_to_the_true_depth(start_error: float) -> None:
         plane = np.stack([depth, np.zeros_like(depth), np.zeros_like(depth)])
         slanted_step(
             pair["grey"],
+            np.stack([pair["grey"]] * 2),
             plane,
             pair["views"],
             np.ones((2, 40, 60), np.uint8),
@@ -101,6 +102,7 @@ def test_a_neighbour_that_sees_something_else_is_outvoted() -> None:
         plane = np.stack([depth, np.zeros_like(depth), np.zeros_like(depth)])
         slanted_step(
             pair["grey"],
+            np.stack([pair["grey"]] * len(views)),
             plane,
             views.astype(np.float32),
             np.ones((3, 40, 60), np.uint8),
@@ -130,7 +132,8 @@ def test_an_unknown_depth_stays_unknown() -> None:
     one = np.zeros((1, 2), dtype=np.int64)
     eye = np.tile(np.eye(2), (2, 1, 1))
     slanted_step(
-        pair["grey"], plane, pair["views"], np.ones((2, 40, 60), np.uint8), eye, pair["c"],
+        pair["grey"], np.stack([pair["grey"]] * 2), plane, pair["views"],
+        np.ones((2, 40, 60), np.uint8), eye, pair["c"],
         np.zeros((2, 2)), one, np.ones(1, np.float32), np.ones(3), 10.0, 0.4, 0.0, 1, depth, score,
         information,
     )  # fmt: skip
@@ -155,7 +158,8 @@ def test_the_information_of_a_window_is_the_variance_that_noise_gives_its_depth(
         score, information = np.ones_like(depth), np.ones_like(depth)
         plane = np.stack([depth, np.zeros_like(depth), np.zeros_like(depth)])
         slanted_step(
-            grey, plane, views, np.ones((2, 40, 60), np.uint8), np.tile(np.eye(2), (2, 1, 1)),
+            grey, np.stack([grey] * 2), plane, views, np.ones((2, 40, 60), np.uint8),
+            np.tile(np.eye(2), (2, 1, 1)),
             pair["c"], np.zeros((2, 2)), window, np.ones(len(window), np.float32), np.full(3, 0.3),
             500.0, 0.4, 0.0, 1, depth, score, information,
         )  # fmt: skip
@@ -172,8 +176,9 @@ def test_pixels_between_those_that_move_keep_their_planes_and_have_no_say() -> N
     plane = np.stack([depth + 0.3, np.zeros_like(depth), np.zeros_like(depth)])
     window = np.array([(i, j) for j in range(-3, 4) for i in range(-3, 4)])
     slanted_step(
-        pair["grey"], plane, pair["views"], np.ones((2, 40, 60), np.uint8),
-        np.tile(np.eye(2), (2, 1, 1)), pair["c"], np.zeros((2, 2)), window,
+        pair["grey"], np.stack([pair["grey"]] * 2), plane, pair["views"],
+        np.ones((2, 40, 60), np.uint8), np.tile(np.eye(2), (2, 1, 1)), pair["c"], np.zeros((2, 2)),
+        window,
         np.ones(len(window), np.float32), np.full(3, 0.3), 500.0, 0.4, 0.0, 2, depth, score,
         np.zeros_like(depth),
     )  # fmt: skip

@@ -13,6 +13,7 @@ import pytest
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.surface.mesh.preview import render_mesh
 from semsfm_colmap.surface.options import SurfaceOptions
+from semsfm_colmap.surface.shading import Shading
 from semsfm_colmap.surface.stereo.undrift import without_drift
 from semsfm_colmap.surface.texture.atlas import (
     frontal_weights,
@@ -20,7 +21,6 @@ from semsfm_colmap.surface.texture.atlas import (
     texture_mesh,
     view_cosines,
 )
-from semsfm_colmap.surface.texture.shading import Shading
 from semsfm_colmap.surface.texture.texture_kernels import rasterize
 from semsfm_colmap.types import Float, Int, Reconstruction, TriangleMesh
 from tests.surface.mesh.test_repair import grid

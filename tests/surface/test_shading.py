@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.surface.texture.shading import Shading, fit_shading
+from semsfm_colmap.surface.shading import Shading, fit_shading
 from semsfm_colmap.types import Array, Float
 
 TRUE = Shading(gradient=np.array([0.2, -0.4, 0.7]), gain=np.array([0.9, 1.1, 1.0, 1.2, 0.8]))
@@ -49,13 +49,14 @@ def test_it_is_the_least_squares_solution_with_every_albedo_an_unknown() -> None
     grey *= np.exp(rng.normal(0, 0.2, grey.shape))
     found = fit_shading(grey, weight, normals)
     image, place = np.nonzero(weight)
-    rows = np.zeros((len(image) + 40, 3 + 5 + 40))
+    rows = np.zeros((len(image) + 43, 3 + 5 + 40))
     rows[: len(image), :3] = normals[image, place]
     rows[np.arange(len(image)), 3 + image] = 1.0
     rows[np.arange(len(image)), 8 + place] = 1.0
     rows[len(image) + np.arange(40), 8 + np.arange(40)] = 1.0
-    root = np.sqrt(np.concatenate([weight[image, place], np.full(40, 0.3)]))
-    right = np.concatenate([np.log(grey[image, place]), np.zeros(40)])
+    rows[len(image) + 40 + np.arange(3), np.arange(3)] = 1.0
+    root = np.sqrt(np.concatenate([weight[image, place], np.full(40, 0.3), np.full(3, 0.02)]))
+    right = np.concatenate([np.log(grey[image, place]), np.zeros(43)])
     plain = np.linalg.lstsq(rows * root[:, None], right * root)[0]
     np.testing.assert_allclose(found.gradient, plain[:3], atol=1e-6)
     np.testing.assert_allclose(np.diff(np.log(found.gain)), np.diff(plain[3:8]), atol=1e-6)
@@ -99,3 +100,13 @@ def test_black_pixels_have_no_logarithm_and_do_no_harm() -> None:
     found = fit_shading(grey, weight, normals)
     assert np.isfinite(found.gradient).all()
     assert np.isfinite(found.gain).all()
+
+
+def test_a_plane_has_no_gradient_that_the_gains_could_not_explain() -> None:
+    rng = np.random.default_rng(5)
+    angle = np.radians([-20.0, -5.0, 10.0, 25.0])
+    normal = np.stack([np.sin(angle), np.zeros(4), -np.cos(angle)], axis=1)
+    normals = np.repeat(normal[:, None], 300, axis=1)
+    grey = np.exp(rng.normal(4.0, 0.3, 300) + rng.normal(0.0, 0.1, (4, 300)))
+    found = fit_shading(grey, np.ones((4, 300)), normals)
+    np.testing.assert_allclose(found.gradient, 0.0, atol=1e-6)

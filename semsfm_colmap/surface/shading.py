@@ -27,6 +27,9 @@ from semsfm_colmap.types import Array, Float
 _ALBEDO_PRIOR = 0.3
 """Weight of the albedo's common mean, in frontal images: the variance of one observation of log
 grey over that of log albedo, 0.15^2 / 0.27^2 on rendered series. 0.1 and 1 give the same there."""
+_GRADIENT_PRIOR = 0.02
+"""Weight of d = 0: the variance of one observation of log grey over that of d, 0.15^2 / 1. It
+decides where a plane has one normal in each image, which its gain explains as well."""
 _MIN_GREY = 1.0
 """Darker greys count as this one: they have no logarithm."""
 
@@ -50,7 +53,8 @@ def fit_shading(grey: Array, weight: Array, normals_cam: Float | None) -> Shadin
 
     Minimises over d, the gains and the albedos a_v
 
-        sum_iv w_iv (log I_iv - log a_v - log gain_i - d . n_iv)^2 + 0.3 sum_v (log a_v)^2,
+        sum_iv w_iv (log I_iv - log a_v - log gain_i - d . n_iv)^2 + 0.3 sum_v (log a_v)^2
+        + 0.02 |d|^2,
 
     the mean of the albedos being in the gains, by the normal equations with the albedos eliminated:
     each place has the weight matrix ``diag(w) - w w^T / (sum w + 0.3)``.
@@ -76,6 +80,7 @@ def fit_shading(grey: Array, weight: Array, normals_cam: Float | None) -> Shadin
     at_place, y_at_place = weighted.sum(axis=0), (w * y).sum(axis=0)
     left = np.empty((num + num_images, num + num_images))
     left[:num, :num] = np.tensordot(weighted, normals, axes=((0, 1), (0, 1)))
+    left[:num, :num] += _GRADIENT_PRIOR * np.eye(num)
     left[:num, :num] -= at_place.T @ (at_place / total[:, None])
     left[num:, :num] = weighted.sum(axis=1) - (w / total) @ at_place
     left[:num, num:] = left[num:, :num].T
