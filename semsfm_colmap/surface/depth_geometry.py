@@ -28,10 +28,13 @@ def camera_normals(
     scaling S; the normal is ``(dz/dx, dz/dy, -1)``.
     """
     to_px = scaling[:, None] * cameras.scale_px_per_unit[image_idx] * cameras.K2
-    slope = np.einsum("ij,ihw->jhw", to_px, plane[1:])
-    normal = np.concatenate([slope, -np.ones_like(slope[:1])])
-    normal /= np.linalg.norm(normal, axis=0)
-    return np.ascontiguousarray(normal, dtype=np.float32)
+    (a, b), (c, d) = to_px.astype(np.float32)
+    normal = np.empty(plane.shape, dtype=np.float32)
+    normal[0] = a * plane[1] + c * plane[2]
+    normal[1] = b * plane[1] + d * plane[2]
+    normal[2] = -1.0
+    normal /= np.sqrt(normal[0] ** 2 + normal[1] ** 2 + 1.0)
+    return normal
 
 
 def planes_and_normals(
