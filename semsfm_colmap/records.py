@@ -525,6 +525,9 @@ class GoniometerRecord:
     tilt: ReadoutFigures | None
     axis_camera: tuple[float, ...]
     axis_camera_sigma_deg: float
+    """in the direction in which it is known worst"""
+    axis_camera_sigmas_deg: tuple[float, float]
+    """within the image plane, and out of it"""
     axis_world: tuple[float, ...]
     axis_world_sigma_deg: float
     axis_in_image_deg: float
