@@ -66,6 +66,7 @@ HEAD = (
     "found deg/um",
     "pull",
     "axis: error (sigma) deg",
+    "axis: pulls in the image plane, out of it",
     "wobble: correlation",
     "path: correlation",
     "hysteresis of 2 deg: found",
@@ -95,6 +96,14 @@ def axis_error_deg(record: GoniometerRecord, truth: Truth) -> float:
     """Angle between the axes in the camera frame."""
     cosine = abs(float(np.dot(record.axis_camera, truth.axis)))
     return float(np.rad2deg(np.arccos(min(cosine, 1.0))))
+
+
+def axis_pulls(record: GoniometerRecord, truth: Truth) -> Float:
+    """Errors (2,) of the axis within the image plane and out of it over their sigmas."""
+    axis = np.array(record.axis_camera)
+    side = 1.0 if axis @ truth.axis > 0.0 else -1.0
+    off = (axis - side * truth.axis) @ image_frame_of_axis(axis)
+    return np.rad2deg(off) / np.array(record.axis_camera_sigmas_deg)
 
 
 def wobble_correlation(record: GoniometerRecord, truth: Truth) -> float:
@@ -153,8 +162,8 @@ def hysteresis_found(home: Path, project: Path, factor: float) -> tuple[float, f
     return float(np.rad2deg(line.hysteresis_rad)), float(np.rad2deg(line.hysteresis_sigma_rad))
 
 
-def row(name: str, home: Path, project: Path, factor: float) -> tuple[list[Any], float]:
-    """One row of the table, and the pull of its factor."""
+def row(name: str, home: Path, project: Path, factor: float) -> tuple[list[Any], float, Float]:
+    """One row of the table, the pull of its factor, and those of its axis."""
     record = measure_rotation(project, displacement_path=home / "displacement.csv")
     truth = load_truth(home)
     model = read_model(project / "sparse" / "0")
@@ -165,6 +174,7 @@ def row(name: str, home: Path, project: Path, factor: float) -> tuple[list[Any],
     found = record.conversion_deg_per_um
     assert found is not None
     pull = (found.value - factor) / found.sigma
+    tilted = axis_pulls(record, truth)
     back, back_sigma = hysteresis_found(home, project, factor)
     cells = [
         name,
@@ -173,11 +183,12 @@ def row(name: str, home: Path, project: Path, factor: float) -> tuple[list[Any],
         f"{found.value:.2f} +- {found.sigma:.2f}",
         f"{pull:+.2f}",
         f"{axis_error_deg(record, truth):.3f} ({record.axis_camera_sigma_deg:.3f})",
+        f"{tilted[0]:+.2f}, {tilted[1]:+.2f}",
         f"{wobble_correlation(record, truth):.4f}",
         f"{path_correlation(record, truth, centre):.4f}",
         f"{back:.2f} +- {back_sigma:.2f}",
     ]
-    return cells, pull
+    return cells, pull, tilted
 
 
 def main() -> None:
@@ -188,22 +199,25 @@ def main() -> None:
     parser.add_argument("--spore", type=Path, help="a series with truth and displacement.csv")
     parser.add_argument("--spore_project", type=Path, help="a copy of its mapped project")
     arguments = parser.parse_args()
-    rows, pulls = [], []
+    rows, pulls, axes = [], [], []
     if arguments.spore is not None:
-        cells, _ = row("synth_spore", arguments.spore, arguments.spore_project, 171.3)
+        cells, *_ = row("synth_spore", arguments.spore, arguments.spore_project, 171.3)
         rows.append(cells)
         print(tables.line(cells), flush=True)
     for belt in BELTS:
         home = rendered(belt, arguments.folder)
-        cells, pull = row(belt.name, home, home / "project", belt.degrees_per_um)
+        cells, pull, tilted = row(belt.name, home, home / "project", belt.degrees_per_um)
         rows.append(cells)
         pulls.append(pull)
+        axes.append(tilted)
         print(tables.line(cells), flush=True)
-    rms = float(np.sqrt(np.mean(np.square(pulls))))
-    print(f"RMS of the pulls: {rms:.2f}")
+    rms, of_axes = (float(np.sqrt(np.mean(np.square(some)))) for some in (pulls, axes))
+    said = (
+        f"RMS of the ten pulls of the conversion: {rms:.2f}; of twenty of the axis: {of_axes:.2f}."
+    )
+    print(said)
     if arguments.markdown is not None:
-        text = f"{tables.table(HEAD, rows)}\n\nRMS of the ten pulls of the conversion: {rms:.2f}."
-        tables.put(arguments.markdown, "goniometer", text)
+        tables.put(arguments.markdown, "goniometer", f"{tables.table(HEAD, rows)}\n\n{said}")
 
 
 if __name__ == "__main__":

@@ -140,11 +140,16 @@ def main() -> None:
     parser = tables.parser("goniometer_order", __doc__)
     tables.add_page_option(parser, "goniometer_order")
     parser.add_argument("folder", type=Path, help="for the rendered belts; reused where they are")
+    parser.add_argument("--spore", type=Path, help="a whole turn with truth, shuffled as well")
     arguments = parser.parse_args()
     home = rendered(BELT, arguments.folder)
     rows = []
     for k, case in enumerate(CASES):
         rows.append(row(case, home, arguments.folder / f"case_{k}"))
+        print(tables.line(rows[-1]), flush=True)
+    if arguments.spore is not None:
+        case = replace(CASES[-1], name="synth_spore, shuffled")
+        rows.append(row(case, arguments.spore, arguments.folder / "spore"))
         print(tables.line(rows[-1]), flush=True)
     if arguments.markdown is not None:
         tables.put(arguments.markdown, "goniometer_order", tables.table(HEAD, rows))

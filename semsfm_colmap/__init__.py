@@ -6,6 +6,7 @@ The public names, loaded when they are first used:
 - `Config`, `read_config`, `write_config`: all options
 - `merge_projects`: several series of one specimen in one model
 - `segment_project`: specimen and what holds it told apart
+- `plan`: how many images over which angle, or which angles to add to a project
 - `measure_rotation`: the actuator that turned the specimen, as a goniometer
 - `map_database`, `reconstruct_from_database`: from any COLMAP database
 - `mesh_colmap`: a mesh of any COLMAP folder
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.pipeline.foreign.mesh_colmap import mesh_colmap as mesh_colmap
     from semsfm_colmap.pipeline.goniometer import measure_rotation as measure_rotation
     from semsfm_colmap.pipeline.merge import merge_projects as merge_projects
+    from semsfm_colmap.pipeline.plan import plan as plan
     from semsfm_colmap.pipeline.runner import reconstruct as reconstruct
     from semsfm_colmap.pipeline.runner import run_stages as run_stages
     from semsfm_colmap.pipeline.segment import segment_project as segment_project
@@ -63,6 +65,7 @@ _HOMES = {
     "measure_rotation": "pipeline.goniometer",
     "merge_projects": "pipeline.merge",
     "mesh_colmap": "pipeline.foreign.mesh_colmap",
+    "plan": "pipeline.plan",
     "read_config": "config",
     "read_model": "colmap.model.sparse",
     "read_pinhole_model": "colmap.model.pinhole_reading",

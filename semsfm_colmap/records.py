@@ -181,6 +181,19 @@ class DragFigures:
     """in full"""
     formal_sigma_px: float
     """if all observations erred independently"""
+    shading_px: tuple[float, ...] | None = None
+    """Coefficients of the other fields of shading that were taken out with it, in the order of
+    refinement/shading.py; None: of a single series none are sought"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeriesSigma:
+    """How well it is known how one of several series lies to the first; standard deviations."""
+
+    turn_deg: float
+    """of the angle between the two, root mean square over the three axes"""
+    scale: float
+    """of the ratio of their magnifications, relative"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,6 +236,8 @@ class Reliability:
     """What was taken out of the observations for the shading, see docs/truth.md."""
     perspective: PerspectiveFigures | None = None
     """None where none was found"""
+    series: tuple[SeriesSigma, ...] | None = None
+    """Of several series each but the first; None where there is one, or no error bars"""
     depth_uncertainty: float
     """relative spread of the total rotation over the camera models that fit"""
     best_model: str
@@ -510,6 +525,9 @@ class GoniometerRecord:
     tilt: ReadoutFigures | None
     axis_camera: tuple[float, ...]
     axis_camera_sigma_deg: float
+    """in the direction in which it is known worst"""
+    axis_camera_sigmas_deg: tuple[float, float]
+    """within the image plane, and out of it"""
     axis_world: tuple[float, ...]
     axis_world_sigma_deg: float
     axis_in_image_deg: float

@@ -253,6 +253,11 @@ class OrthographicCameras(_Frozen):
         return len(self.scale_px_per_unit)
 
     @property
+    def num_series(self) -> int:
+        """Series that have an image."""
+        return 1 if self.series_idx is None else len(np.unique(self.series_idx))
+
+    @property
     def mean_scale_px_per_unit(self) -> float:
         """Geometric mean of the magnifications."""
         return float(np.exp(np.mean(np.log(self.scale_px_per_unit))))

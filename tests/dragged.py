@@ -23,12 +23,21 @@ class Scene:
 
 
 def dragged_scene(drag_px, *, num_images=16, range_deg=100.0, num_points=1200, noise_px=0.1, seed=0,
-                  extra=None):  # fmt: skip
-    """An ellipsoid turned about an axis near y; `extra` (R, n, i, j) displaces observations too."""
+                  mount_deg=None, extra=None):  # fmt: skip
+    """An ellipsoid turned about an axis near y; `extra` (R, n, i, j) displaces observations too.
+
+    With `mount_deg` there is a second series of as many images, the body mounted at that angle
+    about the line of sight.
+    """
     rng = np.random.default_rng(seed)
     half = np.deg2rad(range_deg) / 2
     axis = np.array([0.02, 1.0, 0.03])
     R = rotation_from_vector(np.linspace(-half, half, num_images)[:, None] * axis)
+    series = None
+    if mount_deg is not None:
+        series = np.repeat([0, 1], num_images)
+        R = np.concatenate([R, R @ rotation_from_vector(np.array([0, 0, np.deg2rad(mount_deg)]))])
+        num_images *= 2
     unit = rng.normal(size=(num_points, 3))
     unit /= np.linalg.norm(unit, axis=1, keepdims=True)
     semi = np.array([1.0, 1.2, 0.8])
@@ -44,6 +53,7 @@ def dragged_scene(drag_px, *, num_images=16, range_deg=100.0, num_points=1200, n
         cam_from_world=R,
         scale_px_per_unit=np.ones(num_images),
         translation_px=200.0 + 5.0 * rng.normal(size=(num_images, 2)),
+        series_idx=series,
     )
     xy = cameras.project(points[track], image) + noise_px * rng.normal(size=(len(track), 2))
     xy = xy + drag_px * drag_field(R, normals, image, track)
@@ -69,5 +79,6 @@ def refined(scene, **options):
         scene.observations,
         chosen,
         rng=np.random.default_rng(0),
+        series_idx=scene.cameras.series_idx,
     )
     return found.value

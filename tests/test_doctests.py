@@ -27,6 +27,7 @@ MODULES = (
     "geometry.rotations",
     "motion.order",
     "motion.readout",
+    "pipeline.plan",
     "segmentation.transfer",
     "surface.stereo.undrift",
     "synthetic.series",

@@ -39,5 +39,8 @@ def _libraries() -> ThreadpoolController:
 
 
 def blas_threads(limit: int | None) -> AbstractContextManager[object]:
-    """Linear algebra in at most so many threads: on small matrices they wait for one another."""
+    """Linear algebra in at most so many threads: on small matrices they wait for one another.
+
+    The last bits of a product depend on how many work on it: one thread gives the same everywhere.
+    """
     return _libraries().limit(limits=limit, user_api="blas")

@@ -13,6 +13,7 @@ from semsfm_colmap.geometry.subset import take_exactly
 from semsfm_colmap.mapping.context import SeriesContext
 from semsfm_colmap.mapping.drift import drag_notes, has_drift
 from semsfm_colmap.mapping.guided import Guided
+from semsfm_colmap.mapping.merged import series_sigmas
 from semsfm_colmap.mapping.perspective import perspective_notes
 from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import CueFigures, Diagnostics, PartFigures, StartFigures, TiltAgreement
@@ -132,7 +133,7 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
         displacement = replace(displacement, perspective=found.figures(used=False))
     guided, drag = part.guided, displacement.drag_figures(reverse=reverse)
     perspective = displacement.perspective_figures(reverse=reverse)
-    trust = replace(trust, perspective=perspective)
+    trust = replace(trust, perspective=perspective, series=series_sigmas(refined, uncertainty))
     if guided is not None:
         drift = displacement.drift_px.tolist()
         trust = replace(

@@ -14,6 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from semsfm_colmap.motion.axis import fit_axis
+from semsfm_colmap.records import SeriesSigma
+from semsfm_colmap.refinement.refine import Refined
+from semsfm_colmap.refinement.uncertainty import Uncertainty
 from semsfm_colmap.types import Float, Int, Reconstruction
 
 MIN_SERIES_IMAGES = 3
@@ -24,14 +27,6 @@ a few score that agree by chance are what an image of another specimen comes in 
 
 PIXEL_SIZE_TOLERANCE = 0.05
 """Relative: makers of microscopes promise a few per cent for the pixel sizes that they record."""
-
-LIT_ALIKE_DEG = 15.0
-"""Series turned by less in the image plane show the specimen lit from about the same side."""
-LIGHT_NOTE = (
-    "the detector lights series that are turned in the image plane from other sides of the "
-    "specimen, which moves what is matched between them: how they lie to each other may be off by "
-    "more than the error bars say, by 0.2 deg on a rendered body of 500 px (docs/merge.md)"
-)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,11 +134,19 @@ def series_apart(places: Sequence[SeriesPlace]) -> str | None:
     return None
 
 
-def series_notes(places: Sequence[SeriesPlace]) -> list[str]:
-    """What to say of each series in the model."""
+def series_notes(
+    places: Sequence[SeriesPlace], sigmas: Sequence[SeriesSigma] | None = None
+) -> list[str]:
+    """What to say of each series in the model.
+
+    Parameters
+    ----------
+    sigmas : of each but the first; None where they are not known
+
+    """
     first = places[0]
     notes = []
-    for place in places:
+    for number, place in enumerate(places):
         text = (
             f"series {place.name}: {place.num_images} of {place.num_given} images, turned by "
             f"{place.range_deg:.1f} deg, {place.num_shared} points shared"
@@ -162,10 +165,50 @@ def series_notes(places: Sequence[SeriesPlace]) -> list[str]:
             angle = axis_angle_deg(first, place)
             if angle is not None:
                 text += f", about an axis {angle:.1f} deg from its axis"
+            if sigmas is not None:
+                sigma = sigmas[number - 1]
+                text += (
+                    f"; how it lies to {first.name} is known to {sigma.turn_deg:.2f} deg about "
+                    f"each axis and {100 * sigma.scale:.2f} % of the magnification, one sigma"
+                )
         notes.append(text)
-    if any(abs(place.in_plane_deg) > LIT_ALIKE_DEG for place in places):
-        notes.append(LIGHT_NOTE)
     return notes
+
+
+def series_sigmas(
+    refined: Refined, uncertainty: Uncertainty | None
+) -> tuple[SeriesSigma, ...] | None:
+    """How well it is known how each series lies to the first.
+
+    With w_i the rotation vector by which image i errs, in its camera's frame, and l_i the logarithm
+    of its magnification, the turn of series k against the first one errs by
+
+        mean_k R_i^T w_i - mean_0 R_i^T w_i   in the world, its ratio by   mean_k l_i - mean_0 l_i.
+
+    Returns
+    -------
+    of all series in the model but the first; None where there is one, or no error bars
+
+    """
+    series = refined.cameras.series_idx
+    if series is None or uncertainty is None or refined.cameras.num_series < 2:
+        return None
+    R = np.asarray(refined.cameras.cam_from_world)
+    idx = refined.adjustment.model.param_idx
+    num_params = len(uncertainty.noise.cameras.gauge)
+    means = []
+    for k in np.unique(series):
+        mine = np.flatnonzero(series == k)
+        mean = np.zeros((num_params + 1, 4))  # index -1, of a magnification that is not free
+        mean[idx[mine, :3], :3] = R[mine] / len(mine)
+        mean[idx[mine, 3], 3] = 1.0 / len(mine)
+        means.append(mean[:-1])
+    found = []
+    for mean in means[1:]:
+        *turn, scale = (uncertainty.sigma(column) for column in (mean - means[0]).T)
+        turn_rad = float(np.sqrt(np.mean(np.square(turn))))
+        found.append(SeriesSigma(turn_deg=math.degrees(turn_rad), scale=scale))
+    return tuple(found)
 
 
 def axis_angle_deg(first: SeriesPlace, second: SeriesPlace) -> float | None:

@@ -14,6 +14,7 @@ from semsfm_colmap.factorization.blocks import Part
 from semsfm_colmap.factorization.degeneracy import diagnose_rank
 from semsfm_colmap.factorization.factorize import Factorized, factorize_most, find_parts
 from semsfm_colmap.factorization.options import FactorizationOptions
+from semsfm_colmap.geometry.threads import blas_threads
 from semsfm_colmap.mapping.context import Guide, SeriesContext, silent
 from semsfm_colmap.mapping.drift import drift_notes
 from semsfm_colmap.mapping.finish import MappedPart, Settled, finish
@@ -44,6 +45,8 @@ WEAK_NOTE = (
 )
 MAGNIFICATION_ROUNDS = 2
 """The first estimate of its width has the noise of too narrow a prior."""
+REPEATABLE_IMAGES = 60
+"""Up to so many one thread of linear algebra is the fastest, and gives the same on any machine."""
 MIN_PLANE_STRETCH = 1.01
 """Foreshortening between images that a tilt of 8 degrees explains, and the fraction of a degree of
 a model that lost its depth does not."""
@@ -97,6 +100,11 @@ def map_observations(
 
 def map_parts(context: SeriesContext, observations: Observations) -> Solution[list[MappedPart]]:
     """`map_observations` of a series with its context."""
+    with blas_threads(1 if len(context.image_names) <= REPEATABLE_IMAGES else None):
+        return _map_parts(context, observations)
+
+
+def _map_parts(context: SeriesContext, observations: Observations) -> Solution[list[MappedPart]]:
     rng = np.random.default_rng(context.seed)
     parts = find_parts(observations, context.factorization)
     tracks = diagnose_tracks(observations)

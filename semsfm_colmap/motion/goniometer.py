@@ -60,8 +60,8 @@ class Goniometer:
     """signed so that the angle grows with the displacement, or else the tilt, where it is known"""
     angle_sigma_rad: Float | None
     """(M,) against the mean of all"""
-    axis_sigma_rad: float
-    """of the axis in the camera frame, in the direction in which it is known worst"""
+    axis_covariance_rad2: Float
+    """(2, 2) of the axis in the camera frame: within the image plane, and out of it"""
     axis_world_sigma_rad: float
     """the same in the world"""
     axis_offset_rad: Float
@@ -74,6 +74,11 @@ class Goniometer:
     """of the images that have one; None where too few have, or they do not differ"""
     tilt: ReadoutLine | None
     """the same of the stage's recorded tilt"""
+
+    @property
+    def axis_sigma_rad(self) -> float:
+        """Of the axis in the camera frame, in the direction in which it is known worst."""
+        return _largest_sigma(self.axis_covariance_rad2)
 
     @property
     def order(self) -> Int:
@@ -129,7 +134,7 @@ def measure_goniometer(
         in_order=in_order,
         series=series,
         angle_sigma_rad=None if angles is None else np.sqrt(np.diag(centred(angles))),
-        axis_sigma_rad=axis.camera_rad,
+        axis_covariance_rad2=axis.camera_rad2,
         axis_world_sigma_rad=axis.world_rad,
         axis_offset_rad=R[images] @ series.axis_world @ image_frame_of_axis(series.axis_camera),
         axis_offset_sigma_rad=None if C is None else axis.offset_rad,
@@ -212,11 +217,12 @@ def image_frame_of_axis(axis: Float) -> Float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _AxisErrors:
-    """Standard deviations of the axis; the first two in the direction where it is largest."""
+    """How the axis errs."""
 
-    camera_rad: float
+    camera_rad2: Float
+    """(2, 2) covariance in the camera frame, see `image_frame_of_axis`"""
     world_rad: float
-    """in the frame of the first image"""
+    """standard deviation in the frame of the first image, in the direction where it is largest"""
     offset_rad: Float
     """(M, 2) of where each image puts it against the fitted one, by the errors of the poses"""
 
@@ -242,10 +248,9 @@ def _axis_errors(R: Float, series: AxisRotation, covariance: Float | None) -> _A
     wobble = max(scatter**2 - float(left.sum()) / freedom, 0.0)
     camera, world = K[:2], turned[0] @ K[2:]
     with_first = world - np.eye(2, 2 * M)
-    of_camera = camera @ joint @ camera.T + wobble * camera @ camera.T
     of_world = with_first @ joint @ with_first.T + wobble * world @ world.T
     return _AxisErrors(
-        camera_rad=_largest_sigma(of_camera),
+        camera_rad2=camera @ joint @ camera.T + wobble * camera @ camera.T,
         world_rad=_largest_sigma(of_world),
         offset_rad=np.sqrt(np.maximum(left, 0.0)).reshape(M, 2),
     )

@@ -52,6 +52,7 @@ def goniometer_record(
     figures = _readout(line, in_sequence, displacement.value[found.images])
     stage = _readout(found.tilt, in_sequence, tilt.value[found.images])
     axis = series.axis_camera
+    inside, outside = np.rad2deg(np.sqrt(np.diag(found.axis_covariance_rad2)))
     return GoniometerRecord(
         model=model,
         in_order=found.in_order,
@@ -64,6 +65,7 @@ def goniometer_record(
         tilt=stage,
         axis_camera=tuple(axis.tolist()),
         axis_camera_sigma_deg=float(np.rad2deg(found.axis_sigma_rad)),
+        axis_camera_sigmas_deg=(float(inside), float(outside)),
         axis_world=tuple(series.axis_world.tolist()),
         axis_world_sigma_deg=float(np.rad2deg(found.axis_world_sigma_rad)),
         axis_in_image_deg=float(np.rad2deg(np.arctan2(axis[1], axis[0]))),

@@ -99,7 +99,7 @@ def map_series(
         apart = series_apart(places)
         if apart is not None:
             raise InputError(apart)
-        together = series_notes(places)
+        together = series_notes(places, solution.value[0].figures.reliability.series)
     parts, keypoints = append_keypoints(solution.value, matched.keypoints)
     if write_guided is not None:
         write_guided(keypoints, parts)

@@ -21,7 +21,7 @@ from semsfm_colmap.geometry.points import track_pointer
 from semsfm_colmap.geometry.rotations import rotation_from_vector, wrapped
 from semsfm_colmap.geometry.subset import take_exactly, take_subset
 from semsfm_colmap.motion.axis import AxisRotation, fit_axis
-from semsfm_colmap.planning.options import Criterion, NextOptions, NoiseOptions
+from semsfm_colmap.planning.options import Criterion, GivenNoise, NextOptions, NoiseOptions
 from semsfm_colmap.planning.prediction import Geometry, Prediction, predict
 from semsfm_colmap.planning.series import MIN_SAMPLE, SAMPLE_POINTS, determined
 from semsfm_colmap.refinement.drag import MIN_POINTS, seen_normals
@@ -41,7 +41,7 @@ class MappedSeries:
     axis: AxisRotation
     image_names: tuple[str, ...]
     noise: NoiseOptions
-    """with the noise that its residuals show"""
+    """given, or what its residuals show and it was mapped with"""
     matched_share: float
     """p of the module's text"""
 
@@ -70,9 +70,14 @@ class NextAngles:
 
 
 def mapped_series(
-    reconstruction: Reconstruction, noise: NoiseOptions, seed: int = 0
+    reconstruction: Reconstruction, given: GivenNoise, priors: NoiseOptions, seed: int = 0
 ) -> MappedSeries:
     """A model as a geometry of some of its points, each for its share of all.
+
+    Parameters
+    ----------
+    given : goes before the noise that the residuals show, and before the priors
+    priors : those that the model was mapped with
 
     Raises
     ------
@@ -98,6 +103,7 @@ def mapped_series(
     obs = subset.observations
     pointer = track_pointer(obs.track_idx, obs.num_tracks)
     sigma_px = noise_sigma(residual, obs.precision, pointer, len(cameras))
+    noise = given.over(replace(priors, noise_px=sigma_px))
     normals = seen_normals(points, cameras, obs)
     share = min(SAMPLE_POINTS, len(points))
     some = np.sort(np.random.default_rng(seed).choice(len(points), share, replace=False))
@@ -122,7 +128,7 @@ def mapped_series(
         matched_share=float(matched.sum()) / float(faced.sum()),
         axis=axis,
         image_names=reconstruction.image_names,
-        noise=replace(noise, noise_px=sigma_px),
+        noise=noise,
     )
 
 

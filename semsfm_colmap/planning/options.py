@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 from semsfm_colmap.errors import UsageError
@@ -18,14 +18,36 @@ class NoiseOptions:
     """What the estimator is told of the images: noise and priors."""
 
     noise_px: float = 0.2
-    """Standard deviation of a coordinate of a match; the rendered series have 0.17 to 0.23 after
-    the guided pass (docs/benchmark_vs_colmap.md). Of a project its own residuals tell it."""
+    """standard deviation of a coordinate of a match"""
     scale_sigma: float = 0.001
-    """Prior: relative standard deviation of the magnification between images."""
+    """relative, of the magnification between images"""
     drift_sigma_px: float = 0.2
-    """Prior: standard deviation of the scan drift over the height of a frame; 0: none."""
+    """of the scan drift over the height of a frame; 0: none"""
     visible_deg: float = 60.0
-    """A point is matched in the images that lie within this angle of its normal."""
+    """a point is matched in the images that lie within this angle of its normal"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GivenNoise:
+    """Of the noise and the priors, what the user gives."""
+
+    noise_px: float | None = None
+    """Standard deviation of a coordinate of a match; default: 0.2, as rendered series have after
+    the guided pass (0.17 to 0.23, docs/benchmark_vs_colmap.md), of a project what its residuals
+    show."""
+    scale_sigma: float | None = None
+    """Prior: relative standard deviation of the magnification between images; default: 0.001, of a
+    project what it was mapped with."""
+    drift_sigma_px: float | None = None
+    """Prior: standard deviation of the scan drift over the height of a frame; 0: none; default:
+    0.2, of a project what it was mapped with."""
+    visible_deg: float | None = None
+    """A point is matched in the images that lie within this angle of its normal; default: 60."""
+
+    def over(self, told: NoiseOptions) -> NoiseOptions:
+        """`told`, but for what is given."""
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        return replace(told, **given)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,14 +36,13 @@ from semsfm_colmap.refinement.bundle import plain_model
 from semsfm_colmap.refinement.covariance import CameraCovariance, camera_covariance
 from semsfm_colmap.refinement.drag import (
     DRAG_SIGMA_PX,
-    SHADING_SIGMA_PX,
     doubt_px,
     drag_field,
     misfit_px,
-    shading_fields,
 )
 from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.scan_drift import ScanDriftModel
+from semsfm_colmap.refinement.shading import SHADING_SIGMA_PX, shading_fields
 from semsfm_colmap.refinement.uncertainty import apply_covariance, field_modes, point_modes
 from semsfm_colmap.types import Float, Observations, OrthographicCameras
 

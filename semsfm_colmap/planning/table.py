@@ -55,9 +55,11 @@ def format_next(found: NextAngles, series: MappedSeries, pixel_size_um: float | 
         place = f"{image.from_nearest_deg:+.1f} from {image.nearest}"
         cells = _next_cells(image.prediction, pixel_size_um)
         rows.append([str(number), f"{image.angle_deg:g}", place, *cells])
+    noise = series.noise
     head = (
         f"Angles about the axis of the series, from {series.image_names[0]}; noise "
-        f"{series.noise.noise_px:.3f} px\nby the residuals; of the points facing an image "
+        f"{noise.noise_px:.3f} px,\nmagnification {100 * noise.scale_sigma:g} %, scan drift "
+        f"{noise.drift_sigma_px:g} px; of the points facing an image "
         f"{series.matched_share:.0%} are matched in it."
     )
     return f"{head}\n\n{_text(NEXT_HEAD, rows)}\n{FLOOR}\n"

@@ -1,4 +1,4 @@
-"""Scan drift and drag estimated together, and observations as they would be without either."""
+"""Scan drift and shading estimated together, and observations as they would be without either."""
 
 from __future__ import annotations
 
@@ -23,6 +23,12 @@ from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.perspective import PerspectiveModel
 from semsfm_colmap.refinement.refine import Refined
 from semsfm_colmap.refinement.scan_drift import ScanDriftModel, without_drift
+from semsfm_colmap.refinement.shading import (
+    NUM_FIELDS,
+    ShadingModel,
+    reversed_coefficients,
+    shading_fields,
+)
 from semsfm_colmap.refinement.shared_scalar import SharedScalarModel
 from semsfm_colmap.refinement.uncertainty import clustered_modes, shared_mode, surface_patches
 from semsfm_colmap.types import Float, Observations
@@ -46,6 +52,8 @@ class Displacement:
     """The part of it that neither noise nor what patches err in together explains"""
     drag_formal_px: float = 0.0
     """Its standard deviation if all observations erred independently"""
+    shading_px: Float | None = None
+    """(9,) coefficients of the other fields of shading; None where they were not sought"""
     perspective: PerspectiveFigures | None = None
     """None where none was found, or not so much that it was taken out"""
     view: Perspective | None = None
@@ -58,10 +66,14 @@ class Displacement:
         """
         if self.drag_prior_px <= 0.0:
             return None
+        shading = self.shading_px
+        if reverse and shading is not None:
+            shading = reversed_coefficients(shading)
         return DragFigures(
             coefficient_px=-self.drag_px if reverse else self.drag_px,
             sigma_px=self.drag_sigma_px,
             formal_sigma_px=self.drag_formal_px,
+            shading_px=None if shading is None else tuple(shading.tolist()),
         )
 
     def perspective_figures(self, *, reverse: bool) -> PerspectiveFigures | None:
@@ -89,25 +101,36 @@ def displacing_model(
     *,
     drift_sigma_px: float,
     drag_sigma_px: float,
+    shading: bool = False,
     principal_px: Float | None = None,
 ) -> PoseModel[Any]:
-    """Drift and drag around a model, each where its prior is above 0; perspective about a point."""
+    """Drift and drag around a model, each where its prior is above 0; perspective about a point.
+
+    Parameters
+    ----------
+    shading : with the drag the other fields of shading
+
+    """
     model: PoseModel[Any] = base
     if drift_sigma_px > 0.0:
         model = ScanDriftModel.build(base, drift_sigma_px, height_px)
     if principal_px is not None:
         model = PerspectiveModel.build(model, refined.cameras, refined.points, principal_px)
     if drag_sigma_px > 0.0:
-        model = DragModel.build(
-            model, refined.cameras, refined.points, refined.observations, drag_sigma_px
-        )
+        normals = seen_normals(refined.points, refined.cameras, refined.observations)
+        R = np.asarray(refined.cameras.cam_from_world)
+        if shading:
+            model = ShadingModel(base=model, cam_from_world=R, normals=normals)
+        model = DragModel(base=model, cam_from_world=R, normals=normals, sigma=drag_sigma_px)
     return model
 
 
 def undisplaced_params(model: PoseModel[Any], cameras: Any) -> Any:
-    """The parameters of a model with these cameras, no drift, no drag, no perspective."""
+    """The parameters of a model with these cameras, no drift, no shading, no perspective."""
     if isinstance(model, SharedScalarModel):
         return undisplaced_params(model.base, cameras), 0.0
+    if isinstance(model, ShadingModel):
+        return undisplaced_params(model.base, cameras), np.zeros(NUM_FIELDS)
     if isinstance(model, ScanDriftModel):
         return cameras, np.zeros((len(model.height_px), 2))
     return cameras
@@ -116,9 +139,11 @@ def undisplaced_params(model: PoseModel[Any], cameras: Any) -> Any:
 def find_displacement(refined: Refined, height_px: Float, settings: BundleSettings) -> Displacement:
     """Drift and drag of a part, estimated with its cameras and points.
 
+    Of several series the other fields of shading are estimated as well, see `shading`.
+
     What shading does is not independent noise, so the coefficient of the drag is known far less
     well than its formal error says. Its least squares value is therefore weighed against the prior
-    with its full variance V: ``c <- c sigma^2 / (sigma^2 + V)``, and the drift follows.
+    with its full variance V: ``c <- c sigma^2 / (sigma^2 + V)``, and drift and fields follow.
 
     Parameters
     ----------
@@ -132,13 +157,21 @@ def find_displacement(refined: Refined, height_px: Float, settings: BundleSettin
         return Displacement.none(M)
     base = plain_model(M, settings.scale_sigma)
     model = displacing_model(
-        base, height_px, refined, drift_sigma_px=drift_sigma_px, drag_sigma_px=drag_sigma_px
+        base,
+        height_px,
+        refined,
+        drift_sigma_px=drift_sigma_px,
+        drag_sigma_px=drag_sigma_px,
+        shading=refined.cameras.num_series > 1,
     )
     start = undisplaced_params(model, refined.cameras)
     adjusted = adjust(model, start, refined.observations, settings).value
     assert adjusted is not None
     end = adjusted.state
     inner = end.params[0] if isinstance(model, DragModel) else end.params
+    shading = None
+    if isinstance(model, DragModel) and isinstance(model.base, ShadingModel):
+        inner, shading = inner
     drift = inner[1] if drift_sigma_px > 0.0 else np.zeros((M, 2))
     found = Displacement(drift_px=drift, drift_sigma_px=drift_sigma_px)
     if not isinstance(model, DragModel):
@@ -154,9 +187,11 @@ def find_displacement(refined: Refined, height_px: Float, settings: BundleSettin
     variance = formal**2 + float(clustered[-1] @ clustered[-1]) + misfit**2
     trust = drag_sigma_px**2 / (drag_sigma_px**2 + variance)
     drag = trust * float(end.params[1])
+    moved = (drag - end.params[1]) * follow
     if drift_sigma_px > 0.0:
-        own = follow[base.num_params : base.num_params + 2 * M].reshape(M, 2)
-        drift = drift + (drag - end.params[1]) * own
+        drift = drift + moved[base.num_params : base.num_params + 2 * M].reshape(M, 2)
+    if shading is not None:
+        shading = shading + moved[-1 - NUM_FIELDS : -1]
     return replace(
         found,
         drift_px=drift,
@@ -165,6 +200,7 @@ def find_displacement(refined: Refined, height_px: Float, settings: BundleSettin
         drag_sigma_px=float(np.sqrt(trust * variance + doubt_px(drag) ** 2)),
         drag_doubt_px=float(np.sqrt(trust * misfit**2 + doubt_px(drag) ** 2)),
         drag_formal_px=formal,
+        shading_px=shading,
     )
 
 
@@ -176,7 +212,7 @@ def without_displacement(
 ) -> Observations:
     """The observations (of the whole series) as they would be in frames scanned at once.
 
-    Tracks that have no point, hence no normal, keep their drag.
+    Tracks that have no point, hence no normal, keep what shading does.
 
     Parameters
     ----------
@@ -196,5 +232,7 @@ def without_displacement(
             refined.points, refined.cameras, refined.observations
         )
         xy = xy - displacement.drag_px * drag_field(R, normals, i, obs.track_idx)
+        if displacement.shading_px is not None:
+            xy = xy - shading_fields(R, normals, i, obs.track_idx) @ displacement.shading_px
     # as a COLMAP database will hold them
     return replace(obs, xy=xy.astype(np.float32).astype(np.float64))

@@ -22,6 +22,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from semsfm_colmap.geometry.eliminated import Displacing
 from semsfm_colmap.geometry.normals import estimate_normals
 from semsfm_colmap.geometry.threads import threads_for
 from semsfm_colmap.refinement.adjustment import PoseModel
@@ -40,8 +41,6 @@ DOUBT_SHARE = 0.25
 """Standard deviation of what the coefficient leaves, as a share of it: shading is no law."""
 DOUBT_FLOOR_PX = 0.25
 """The same where it is zero."""
-SHADING_SIGMA_PX = 0.15
-"""Standard deviation of each other field of the normal by which shading may displace features."""
 NUM_NEIGHBORS = 30
 """Points that a normal is fitted to."""
 MIN_POINTS = 50
@@ -112,8 +111,11 @@ class DragModel(SharedScalarModel[P]):
         )
 
     def displacement(self, params: tuple[P, float], image_idx: Int, track_idx: Int) -> Float:
-        """(O, 2) px: what is added to the image of an affine camera."""
-        return params[1] * self.field(image_idx, track_idx)
+        """(O, 2) px: what is added to the image of an affine camera, the base's with it."""
+        shown = params[1] * self.field(image_idx, track_idx)
+        if isinstance(self.base, Displacing):
+            shown = shown + self.base.displacement(params[0], image_idx, track_idx)
+        return shown
 
     def slope(self, params: tuple[P, float], image_idx: Int, track_idx: Int) -> Float:
         """The field, whatever the coefficient."""
@@ -122,30 +124,6 @@ class DragModel(SharedScalarModel[P]):
     def field(self, image_idx: Int, track_idx: Int) -> Float:
         """The module's f."""
         return drag_field(self.cam_from_world, self.normals, image_idx, track_idx)
-
-
-def shading_fields(cam_from_world: Float, normals: Float, image_idx: Int, track_idx: Int) -> Float:
-    """What else shading may do than drag: fields (O, 2, 9) of the normal, of size 1.
-
-    A pull toward a detector on one side, (1, 0) and (0, 1) times n_c^2, and all fields linear or
-    quadratic in the normal that tell x from y or turn; what a rotation, a shift or the drag itself
-    explains is not among them.
-    """
-    n = np.einsum("oij,oj->oi", cam_from_world[image_idx], normals[track_idx])
-    x, y, z = n[:, 0], n[:, 1], np.maximum(-n[:, 2], 0.0)
-    o = np.zeros_like(x)
-    fields = [
-        (z * z, o),
-        (o, z * z),
-        (x * x - y * y, o),
-        (o, x * x - y * y),
-        (2 * x * y, o),
-        (o, 2 * x * y),
-        (z * x, -z * y),
-        (z * y, z * x),
-        (z * y, -z * x),
-    ]
-    return np.stack([np.stack(field, axis=1) for field in fields], axis=2)
 
 
 def misfit_px(rotation_deg: float) -> float:

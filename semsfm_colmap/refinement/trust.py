@@ -21,11 +21,9 @@ from semsfm_colmap.refinement.displaced import (
 )
 from semsfm_colmap.refinement.drag import (
     DRAG_SIGMA_PX,
-    SHADING_SIGMA_PX,
     DragModel,
     drag_field,
     seen_normals,
-    shading_fields,
 )
 from semsfm_colmap.refinement.half_series import half_series
 from semsfm_colmap.refinement.leave_one_out import leave_one_out
@@ -42,6 +40,12 @@ from semsfm_colmap.refinement.model_spread import model_mode
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.perspective import PerspectiveFit, PerspectiveModel
 from semsfm_colmap.refinement.refine import Refined
+from semsfm_colmap.refinement.shading import (
+    SERIES_SIGMA_PX,
+    SHADING_SIGMA_PX,
+    fields_of_series,
+    shading_fields,
+)
 from semsfm_colmap.refinement.uncertainty import (
     Uncertainty,
     clustered_modes,
@@ -138,8 +142,11 @@ def uncertainty_of(
         normals = seen_normals(refined.points, refined.cameras, obs)
         field = drag_field(R, normals, obs.image_idx, obs.track_idx)[:, :, None]
         modes["drag"] = DRAG_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, field)
-    fields = shading_fields(R, normals, obs.image_idx, obs.track_idx)
-    modes["shading"] = SHADING_SIGMA_PX * field_modes(model, state, obs, sigma_px, cameras, fields)
+    of = (R, normals, obs.image_idx, obs.track_idx)
+    fields = SHADING_SIGMA_PX * shading_fields(*of)
+    if refined.cameras.series_idx is not None and refined.cameras.num_series > 1:
+        fields = SERIES_SIGMA_PX * fields_of_series(*of, refined.cameras.series_idx)
+    modes["shading"] = field_modes(model, state, obs, sigma_px, cameras, fields)
     if left_in is not None:
         view = PerspectiveModel.build(
             model, refined.cameras, refined.points, left_in.model.principal_px
@@ -182,6 +189,7 @@ def displaced_state(
         refined,
         drift_sigma_px=displacement.drift_sigma_px,
         drag_sigma_px=displacement.drag_prior_px,
+        shading=displacement.shading_px is not None,
         principal_px=None if displacement.view is None else displacement.view.principal_px,
     )
     state: Eliminated[Any] = refined.adjustment.state

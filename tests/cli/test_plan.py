@@ -66,6 +66,21 @@ def test_a_project_gets_angles_to_be_added(project, tmp_path, capsys):
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
+def test_noise_and_priors_given_with_a_project_are_obeyed(project, tmp_path):
+    file = tmp_path / "next.json"
+    flags = ["--project", str(project), "--num_added", "1", "--candidate_step_deg", "40"]
+    found = []
+    for given in ([], ["--noise_px", "2"], ["--scale_sigma", "0.05"], ["--drift_sigma_px", "3"]):
+        assert main(["plan", *flags, *given, "--json", str(file)]) == 0
+        found.append(json.loads(file.read_text()))
+    own, noisy, *loose = found
+    assert noisy["noise_px"] == 2.0
+    assert noisy["before"]["depth_sigma_mean_px"] > own["before"]["depth_sigma_mean_px"]
+    for other in loose:
+        assert other["noise_px"] == own["noise_px"]
+        assert other["before"]["rotation_sigma_deg"] > own["before"]["rotation_sigma_deg"]
+
+
 @pytest.mark.parametrize(
     ("flags", "word"),
     [

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imodmodel import ImodModel
 from PIL import Image
 
 from semsfm_colmap.errors import InputError
@@ -307,3 +308,23 @@ def test_relion_needs_a_pixel_size(tmp_path) -> None:
     write(imod, in_px, tmp_path / "out")
     assert oracle.read_mrc(tmp_path / "out" / "series.st")[1] == 0.0
     assert "mean resid" in (tmp_path / "out" / "taSolution.log").read_text()
+
+
+def test_the_fiducial_model_is_what_an_independent_reader_of_imods_format_finds(tmp_path) -> None:
+    """imodmodel reads after IMOD's description; nothing is left over before the end mark."""
+    made = scene(tmp_path, noise_px=0.2)
+    write(imod, made, tmp_path / "out")
+    path = tmp_path / "out" / "series.fid"
+    model = ImodModel.from_file(path)
+    header = model.header
+    assert (header.xmax, header.ymax, header.zmax) == (*SIZE, STEPS)
+    assert (header.xscale, header.yscale, header.zscale, header.pixelsize) == (1.0, 1.0, 1.0, 1.0)
+    (tracks,) = model.objects
+    assert int(tracks.header.flags) == 1 << 3  # open
+    table = np.loadtxt(tmp_path / "out" / "fiducials.txt")
+    assert len(tracks.contours) == tracks.header.contsize == int(table[:, 1].max())
+    for number, contour in enumerate(tracks.contours, start=1):
+        np.testing.assert_allclose(contour.points, table[table[:, 1] == number, 2:], atol=1e-4)
+    content = path.read_bytes()
+    assert len(content) == 240 + 180 + 20 * len(tracks.contours) + 12 * len(table) + 4
+    assert content.endswith(b"IEOF")

@@ -6,17 +6,23 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.factorization.options import FactorizationOptions
-from semsfm_colmap.geometry.rotations import rotation_from_vector
+from semsfm_colmap.geometry.alignment import align_rotations
+from semsfm_colmap.geometry.rotations import rotation_angle, rotation_from_vector
 from semsfm_colmap.mapping.merged import (
-    LIGHT_NOTE,
     MIN_SHARED_POINTS,
     in_plane_turn_deg,
     places_in,
     series_apart,
     series_notes,
+    series_sigmas,
 )
 from semsfm_colmap.mapping.parts import map_observations
+from semsfm_colmap.records import SeriesSigma
+from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.options import RefinementOptions
+from semsfm_colmap.refinement.refine import refine
+from semsfm_colmap.refinement.trust import uncertainty_of
+from semsfm_colmap.refinement.uncertainty import apply_covariance
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 from semsfm_colmap.types import Reconstruction
 from tests.alignment import best_hand_errors_deg
@@ -97,7 +103,7 @@ def test_shared_points_ratio_and_axes_are_those_of_the_cameras(model, truth):
     assert second.in_plane_deg == pytest.approx(90.0, abs=0.1)
     assert first.in_plane_deg == pytest.approx(0.0, abs=1e-6)
     assert "turned by 90 deg in the image plane against a" in note
-    assert series_notes([first, second])[2] == LIGHT_NOTE
+    assert len(series_notes([first, second])) == 2
     # axis (0.02, 1, 0.03): a quarter turn about z leaves 0.03^2 of its cosine
     assert "axis 89.9 deg from its axis" in note
 
@@ -110,10 +116,48 @@ def test_a_turn_in_the_image_plane_is_found_from_views_along_one_line(truth, ang
     assert np.isnan(in_plane_turn_deg(R, R[:0]))
 
 
-def test_series_lit_from_the_same_side_need_no_warning(model):
-    first, second = places(model)
-    assert len(series_notes([first, replace(second, in_plane_deg=-10.0)])) == 2
-    assert series_notes([first, replace(second, in_plane_deg=-20.0)])[2] == LIGHT_NOTE
+def test_how_well_a_series_lies_to_the_first_is_said(model):
+    sigma = SeriesSigma(turn_deg=0.1234, scale=0.00217)
+    note = series_notes(places(model), (sigma,))[1]
+    assert "how it lies to a is known to 0.12 deg about each axis and 0.22 % of the" in note
+    assert "is known" not in series_notes(places(model), (sigma,))[0]
+
+
+def test_its_sigmas_are_those_of_the_angles_and_ratios_of_drawn_cameras(truth):
+    cameras, _, obs = truth
+    fit = refine(
+        replace(cameras, scale_px_per_unit=cameras.scale_px_per_unit / np.sqrt(1.7)),
+        np.arange(16),
+        obs,
+        RefinementOptions(),
+        rng=np.random.default_rng(0),
+        series_idx=SERIES,
+    ).value
+    uncertainty = uncertainty_of(fit, np.full(16, 1000.0), Displacement.none(16))
+    (stated,) = series_sigmas(fit, uncertainty)
+    n = len(uncertainty.noise.cameras.gauge)
+    C = apply_covariance(uncertainty.noise.cameras, np.eye(n))
+    C += sum(modes @ modes.T for modes in uncertainty.modes.values())
+    draws = np.random.default_rng(1).multivariate_normal(np.zeros(n), C, size=1500)
+    model = fit.adjustment.model
+    turns, ratios = [], []
+    for draw in draws:
+        drawn = model.retract(fit.cameras, draw[: model.num_params])
+        first, second = (
+            align_rotations(
+                drawn.cam_from_world[k == SERIES], fit.cameras.cam_from_world[k == SERIES]
+            )
+            for k in (0, 1)
+        )
+        turns.append(rotation_angle(first @ second.T))
+        log_scale = np.log(drawn.scale_px_per_unit / fit.cameras.scale_px_per_unit)
+        ratios.append(log_scale[SERIES == 1].mean() - log_scale[SERIES == 0].mean())
+    per_axis = np.rad2deg(np.sqrt(np.mean(np.square(turns)) / 3))
+    assert stated.turn_deg == pytest.approx(per_axis, rel=0.08)
+    assert stated.scale == pytest.approx(np.std(ratios), rel=0.08)
+    alone = replace(fit, cameras=replace(fit.cameras, series_idx=None))
+    assert series_sigmas(alone, uncertainty) is None
+    assert series_sigmas(fit, None) is None
 
 
 def test_a_ratio_that_the_pixel_sizes_contradict_is_said(model):

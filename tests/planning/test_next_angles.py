@@ -12,10 +12,10 @@ from semsfm_colmap.planning.next_angles import (
     next_angles,
     with_image,
 )
-from semsfm_colmap.planning.options import NextOptions, NoiseOptions
+from semsfm_colmap.planning.options import GivenNoise, NextOptions, NoiseOptions
 from tests.exports.ball_project import ANGLES, NOISE_PX, UNIT, ball, image_names
 
-NOISE = NoiseOptions()
+GIVEN, NOISE = GivenNoise(), NoiseOptions()
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def series(model):
-    return mapped_series(model, NOISE)
+    return mapped_series(model, GIVEN, NOISE)
 
 
 def test_a_model_in_micrometres_becomes_one_in_pixels_with_the_noise_of_its_residuals(series):
@@ -46,7 +46,7 @@ def test_the_error_bars_do_not_depend_on_the_unit_of_the_world(model, series):
     )
     options = NextOptions(num_added=1, from_deg=0.0, to_deg=20.0)
     first = next_angles(series, options)
-    second = next_angles(mapped_series(other, NOISE), options)
+    second = next_angles(mapped_series(other, GIVEN, NOISE), options)
     np.testing.assert_allclose(second.tried_px, first.tried_px, rtol=1e-6)
 
 
@@ -138,10 +138,10 @@ def test_a_model_in_which_nothing_turns_is_refused(model):
     R = np.tile(np.eye(3), (len(model.cameras), 1, 1))
     still = replace(model, cameras=replace(model.cameras, cam_from_world=R))
     with pytest.raises(InputError, match="nothing turns"):
-        mapped_series(still, NOISE)
+        mapped_series(still, GIVEN, NOISE)
 
 
 def test_a_model_of_few_points_is_refused(model):
     few = replace(model, inlier=model.observations.track_idx < 20)
     with pytest.raises(InputError, match="points that three images see"):
-        mapped_series(few, NOISE)
+        mapped_series(few, GIVEN, NOISE)

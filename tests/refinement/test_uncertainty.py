@@ -7,7 +7,8 @@ from semsfm_colmap.geometry.eliminated import minimise, precision_of
 from semsfm_colmap.geometry.rotations import vector_from_rotation
 from semsfm_colmap.refinement.covariance import estimate_covariance
 from semsfm_colmap.refinement.displaced import Displacement
-from semsfm_colmap.refinement.drag import seen_normals, shading_fields
+from semsfm_colmap.refinement.drag import seen_normals
+from semsfm_colmap.refinement.shading import shading_fields
 from semsfm_colmap.refinement.trust import (
     total_rotation_parts,
     total_rotation_sigma,

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.exports.fiducials import ViewErrors, longest_tracks
+from semsfm_colmap.exports.imod_model import open_contour_model
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.scene import ExportScene, Summary
 from semsfm_colmap.exports.tilt_files import (
@@ -34,7 +35,7 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
 
 
 def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
-    """series.st, .xf, .tlt, .rawtlt, .xtilt, .prexg, xtilt/, taSolution.log, fiducials.txt"""
+    """series.st, .xf, .tlt, .rawtlt, .xtilt, .prexg, .fid, xtilt/, taSolution.log, fiducials.txt"""
     series = tilt_series(scene)
     held = held_cameras(series, scene, series.single_axis)
     errors = errors_of(series, held, scene)
@@ -48,7 +49,7 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     recorded = scene.tilt_rad
     if recorded is not None and np.isfinite(recorded).all():
         _write_angles(folder / f"{NAME}.rawtlt", np.degrees(recorded))
-    num_fiducials = _write_fiducials(series, scene, folder / "fiducials.txt", options)
+    num_fiducials = _write_fiducials(series, scene, folder, options)
     _write_solution(series, scene, errors, folder / "taSolution.log")
     write_views(series, scene, held, errors, folder / "views.csv")
     (folder / "commands.txt").write_text(_commands(series), encoding="utf-8")
@@ -76,16 +77,19 @@ def _write_angles(path: Path, degrees: Float) -> None:
 
 
 def _write_fiducials(
-    series: TiltSeries, scene: ExportScene, path: Path, options: FormatOptions
+    series: TiltSeries, scene: ExportScene, folder: Path, options: FormatOptions
 ) -> int:
-    """Lines ``object contour x y z`` for point2model, a contour for each of the longest tracks."""
+    """The longest tracks, a contour each: a model, and lines ``object contour x y z``."""
     image, track, xy = measured_px(series, scene)
     chosen = longest_tracks(track, options.max_fiducials)
     rows = np.isin(track, chosen)
     contour = np.searchsorted(chosen, track[rows]) + 1
     corner = xy[rows] + np.array(series.size_px) / 2.0
     table = np.column_stack([np.ones(len(contour)), contour, corner, image[rows]])
-    np.savetxt(path, table, fmt="%d %d %.4f %.4f %d")
+    np.savetxt(folder / "fiducials.txt", table, fmt="%d %d %.4f %.4f %d")
+    contours = [table[contour == k, 2:] for k in range(1, len(chosen) + 1)]
+    size_px = (*series.size_px, len(scene.names))
+    (folder / f"{NAME}.fid").write_bytes(open_contour_model(contours, size_px))
     return len(chosen)
 
 
@@ -112,12 +116,11 @@ def _write_solution(series: TiltSeries, scene: ExportScene, errors: ViewErrors, 
 
 
 def _commands(series: TiltSeries) -> str:
-    """The commands that align the stack, reconstruct the tomogram and make the fiducial model."""
+    """The commands that align the stack and reconstruct the tomogram."""
     width, height, thickness = series.tomogram_size_px
     return (
         f"newstack -input {NAME}.st -output {NAME}_ali.mrc -xform {NAME}.xf -float 2 "
         f"-size {width},{height}\n"
         f"tilt -input {NAME}_ali.mrc -output {NAME}_full_rec.mrc -TILTFILE {NAME}.tlt "
         f"-XTILTFILE {NAME}.xtilt -THICKNESS {thickness}\n"
-        f"point2model -image {NAME}.st fiducials.txt {NAME}.fid\n"
     )

@@ -20,6 +20,7 @@ from semsfm_colmap.colmap.database.work import (
 )
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.io.grey import read_grey
 from semsfm_colmap.pipeline.foreign import import_database as external_import
 from semsfm_colmap.pipeline.foreign.import_database import (
     crop_shift,
@@ -35,6 +36,7 @@ from semsfm_colmap.pipeline.runner import reconstruct, run_stages
 from semsfm_colmap.records import ExtractRecord, MatchRecord
 from semsfm_colmap.types import SemFrame
 from tests.colmap.databases import MAX_IMAGE_ID, SCHEMA_38
+from tests.ingest.stacks import write_stack
 
 
 def to_38(source: Path, target: Path, *, rows_below: int = 0, prefix: str = "") -> Path:
@@ -125,6 +127,32 @@ def test_names_and_sizes_of_the_source_images_are_understood(
         results.append(read_inlier_matches(project.database))
     assert results[0].keys() == results[1].keys()
     assert all(np.array_equal(results[0][p], results[1][p]) for p in results[0])
+
+
+def test_a_database_of_the_sections_of_a_stack_is_taken(small_project, tmp_path):
+    prepared = Project(small_project)
+    images = [read_grey(prepared.images / name) for name in prepared.read_series().names]
+    stack = write_stack(tmp_path / "tilts.st", images)
+    database = shutil.copy(small_project / "database.db", tmp_path / "sections.db")
+    with closing(sqlite3.connect(database)) as db:
+        ids = [row[0] for row in db.execute("SELECT image_id FROM images ORDER BY image_id")]
+        for number, image_id in enumerate(ids, start=1):
+            name = f"tilts_{number:04d}.png"
+            db.execute("UPDATE images SET name = ? WHERE image_id = ?", (name, image_id))
+        db.commit()
+    project = Project(tmp_path / "p")
+    run_stages(project.path, Config(), names=("ingest",), image_path=stack)
+    with locked(project):
+        import_database(
+            project, stack, database, hash_database(database), Config(), Reporter(-1), force=False
+        )
+    ours, theirs = (
+        list(read_keypoints(path, [i.image_id for i in read_images(path)]).values())
+        for path in (small_project / "database.db", project.database)
+    )
+    assert len(ours) == 7
+    assert all(np.array_equal(a, b) for a, b in zip(ours, theirs, strict=True))
+    assert len(read_inlier_matches(project.database)) > 6
 
 
 def test_the_import_is_skipped_when_nothing_has_changed(
