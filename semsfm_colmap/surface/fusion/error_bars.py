@@ -35,13 +35,13 @@ from semsfm_colmap.geometry.normals import (
 )
 from semsfm_colmap.types import Array, Float, PointCloud, Reconstruction
 
-RELIEF_FACTOR = 3.81
+RELIEF_FACTOR = 3.62
 """K"""
-SPREAD_SHARE = 0.22
+SPREAD_SHARE = 0.20
 """a"""
-WINDOW_SHARE = 0.12
+WINDOW_SHARE = 0.11
 """b"""
-ROUGHNESS_SHARE = 1.6
+ROUGHNESS_SHARE = 1.44
 """g"""
 ROUGHNESS_SPACINGS = 1.5
 """Reach of the weights of the neighbours that r is taken from."""
