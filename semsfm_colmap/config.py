@@ -137,7 +137,7 @@ def _refuse_unknown(data: dict[str, Any], source: str) -> None:
                     raise UsageError(f"{source}: unknown key {key}.{name}{hint}")
 
 
-def read_config(path: Path) -> Config:
+def read_config(path: Path | str) -> Config:
     """Read a TOML file; what it leaves out has its default.
 
     Examples
@@ -155,7 +155,7 @@ def read_config(path: Path) -> Config:
 
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -163,7 +163,7 @@ def read_config(path: Path) -> Config:
     return config_from_dict(data, source=str(path))
 
 
-def write_config(config: Config, path: Path) -> None:
+def write_config(config: Config, path: Path | str) -> None:
     """Write the resolved configuration, aside first, then renamed.
 
     Examples
@@ -175,7 +175,7 @@ def write_config(config: Config, path: Path) -> None:
     """
     import tomli_w
 
-    write_text(tomli_w.dumps(config_to_dict(config)), path)
+    write_text(tomli_w.dumps(config_to_dict(config)), Path(path))
 
 
 def options_key(section: Any) -> str:

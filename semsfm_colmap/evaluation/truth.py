@@ -47,7 +47,7 @@ class Truth:
         return self.unit_um / self.scale_px_per_unit
 
 
-def load_truth(path: Path) -> Truth:
+def load_truth(path: Path | str) -> Truth:
     """Read the truth of a synthetic series.
 
     Parameters

@@ -29,7 +29,7 @@ MOVES_FILE = "stage_moves.csv"
 def measure_rotation(
     project_path: Path | str,
     *,
-    displacement_path: Path | None = None,
+    displacement_path: Path | str | None = None,
     reporter: Reporter | None = None,
 ) -> GoniometerRecord:
     """Measure how a project's specimen was turned; docs/goniometer.md says how.
@@ -52,12 +52,13 @@ def measure_rotation(
     from semsfm_colmap.pipeline.runner import run_stages
 
     project = Project(Path(project_path))
+    table = None if displacement_path is None else Path(displacement_path)
     if not project.path.is_dir():
         raise UsageError(f"{project.path} is not a folder: give a project folder")
     check_output(project, [project.report.name])
     config = read_config(project.config) if project.config.is_file() else Config()
     with locked(project):
-        record = _measure(project, config, displacement_path)
+        record = _measure(project, config, table)
         _write(record, project.report)
     if reporter is not None:
         for sentence in summary(record):

@@ -90,11 +90,11 @@ def standing_key(entry: StageEntry, expected: str) -> str:
 
 
 def run_stages(
-    project_path: Path,
+    project_path: Path | str,
     config: Config,
     *,
     names: Sequence[str] = STAGE_NAMES,
-    image_path: Path | None = None,
+    image_path: Path | str | None = None,
     reporter: Reporter | None = None,
     executor: Executor | None = None,
     force: bool = False,
@@ -118,10 +118,10 @@ def run_stages(
     project = Project(Path(project_path))
     chosen = [find_stage(name) for name in names]
     check_output(project, [place for stage in STAGES for place in stage.places])
-    if image_path is not None:
-        image_path = Path(image_path)
-        if not image_path.exists():
-            raise UsageError(f"{image_path} does not exist: give the folder with the images")
+    source = None if image_path is None else Path(image_path)
+    if source is not None:
+        if not source.exists():
+            raise UsageError(f"{source} does not exist: give the folder with the images")
     elif any(stage.founds for stage in chosen):
         raise UsageError(f"the {STAGE_NAMES[0]} stage needs the folder with the images")
     elif not project.series.is_file():
@@ -129,9 +129,9 @@ def run_stages(
     with locked(project):
         # another process may have written it until now
         record = RunRecord.read(project.record)
-        if image_path is not None:
-            record.image_path = str(image_path.resolve())
-            record.inputs = input_hashes(image_path, record.inputs)
+        if source is not None:
+            record.image_path = str(source.resolve())
+            record.inputs = input_hashes(source, record.inputs)
         record.seed = config.seed
         runner = Runner(
             project=project,

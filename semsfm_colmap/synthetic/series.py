@@ -15,7 +15,7 @@ WORKING_DISTANCE_MM = 10.2
 
 
 def synthesize(
-    output_path: Path,
+    output_path: Path | str,
     options: SynthesizeOptions,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
@@ -57,6 +57,7 @@ def synthesize(
             f"{options.supersampling=}, {options.mesh_edge_px=} but expected at least one ray per"
             " pixel and a positive edge length."
         )
+    output_path = Path(output_path)
     image_path = prepare_folder(output_path)
     motion_rng, specimen_rng, surface_rng, noise_rng = random_streams(options)
     motion = make_motion(options, motion_rng)

@@ -155,14 +155,14 @@ def write_perspective_model(
         model.write_binary(str(aside))
 
 
-def read_model(path: Path) -> Reconstruction:
+def read_model(path: Path | str) -> Reconstruction:
     """Read what `write_model` wrote: cameras from the sidecar, the rest from COLMAP's files.
 
     The inliers of the model are its observations; what the mapping rejected is not in it.
 
     Examples
     --------
-    >>> model = read_model(Path("project/sparse/0"))
+    >>> model = read_model("project/sparse/0")
     >>> model.num_images, model.world_unit, model.points.shape[1]
     (11, 'um', 3)
     >>> residuals = model.residuals()[model.inlier]  # (O, 2) px
@@ -170,6 +170,7 @@ def read_model(path: Path) -> Reconstruction:
     True
 
     """
+    path = Path(path)
     if not (path / "points3D.bin").is_file() and not (path / "points3D.txt").is_file():
         raise InputError(f"{path} holds no COLMAP model: run `semsfm map` first")
     data = read_sidecar(path / FILE_NAME)

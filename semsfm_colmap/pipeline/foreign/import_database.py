@@ -43,9 +43,9 @@ LAST_REPLACED = "match"
 
 
 def reconstruct_from_database(
-    image_path: Path,
-    database_path: Path,
-    output_path: Path,
+    image_path: Path | str,
+    database_path: Path | str,
+    output_path: Path | str,
     config: Config | None = None,
     *,
     reporter: Reporter | None = None,

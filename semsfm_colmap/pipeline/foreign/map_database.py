@@ -38,11 +38,11 @@ PAIRS_IN_MEMORY = 64
 
 
 def map_database(
-    database_path: Path,
-    output_path: Path,
+    database_path: Path | str,
+    output_path: Path | str,
     config: Config | None = None,
     *,
-    image_path: Path | None = None,
+    image_path: Path | str | None = None,
     reporter: Reporter | None = None,
 ) -> MapRecord:
     """Cameras and points from any COLMAP database into ``output_path/0, 1, ...``.
@@ -64,6 +64,7 @@ def map_database(
 
     config, reporter = config or Config(), reporter or Reporter(verbosity=-1)
     output_path = Path(output_path)
+    image_path = None if image_path is None else Path(image_path)
     check_models_folder(output_path)
     with read_database(Path(database_path)) as reader:
         images = in_acquisition_order(reader.images())
