@@ -26,7 +26,7 @@ import numpy as np
 from scipy.ndimage import correlate1d
 
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.types import Array, Float
+from semsfm_colmap.types import Array, Bool, Float
 
 ALPHA = float(np.sqrt(np.log(2.0) / np.pi))
 TUKEY = 4.4478
@@ -84,6 +84,14 @@ def robust_gaussian(
         share = np.minimum(np.abs(np.nan_to_num(residual)) / (TUKEY * middle), 1.0)
         weight = np.where(measured, (1.0 - share**2) ** 2, 0.0)
     return np.where(measured, smooth, np.nan)
+
+
+def support(measured: Bool, spacing: Sequence[float], nesting_index: float) -> Float:
+    """Share of the filter's weights that lies on measured cells: 1/2 on a straight end."""
+    share = measured.astype(np.float64)
+    for axis, step in enumerate(spacing):
+        share = correlate1d(share, kernel(step, nesting_index)[1], axis=axis, mode="constant")
+    return np.asarray(share)
 
 
 def transmission(wavelength: Float, nesting_index: float) -> Float:

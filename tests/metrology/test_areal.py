@@ -48,7 +48,7 @@ def test_a_wave_has_the_parameters_of_its_formulas():
         measured = inner if name in ("Sdq", "Sdr") else found
         assert measured[name] == pytest.approx(value, rel=PERMILLE), name
     assert found["Ssk"] == pytest.approx(0.0, abs=1e-6)
-    long = a_map(waves(amplitude, length, 4000, 399.0).z[:40], length * 399.0 / 4000.0)
+    long = a_map(waves(amplitude, length, 3000, 299.0).z[:40], length * 299.0 / 3000.0)
     expected_sal = length * np.arccos(0.2) / (2.0 * np.pi)
     assert areal_parameters(long)["Sal"] == pytest.approx(expected_sal, rel=PERMILLE)
     assert found["Sz"] == pytest.approx(2.0 * amplitude, rel=0.05)
@@ -70,7 +70,7 @@ def test_a_texture_without_direction_has_none_and_says_so():
 
 
 def test_gaussian_noise_has_the_parameters_of_the_normal_distribution():
-    z = np.random.default_rng(0).normal(scale=2.0, size=(1500, 1500))
+    z = np.random.default_rng(0).normal(scale=2.0, size=(1000, 1000))
     found = areal_parameters(a_map(z))
     p = np.linspace(0.3, 0.7, 100001)
     slope, offset = np.polyfit(p, norm.isf(p), 1)

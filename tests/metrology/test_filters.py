@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.metrology.filters import gaussian, robust_gaussian, transmission
+from semsfm_colmap.metrology.filters import gaussian, robust_gaussian, support, transmission
 from tests.metrology.surfaces import rough, waves
 from tests.oracles import areal as oracle
 
@@ -81,3 +81,10 @@ def test_a_nesting_index_of_two_cells_is_refused():
 def test_an_unknown_order_is_refused():
     with pytest.raises(UsageError, match="order=3"):
         gaussian(np.zeros(20), (1.0,), 5.0, order=3)
+
+
+def test_half_of_the_weights_are_there_on_an_end_and_a_quarter_in_a_corner():
+    share = support(np.ones((100, 120), dtype=bool), (1.0, 2.0), 30.0)
+    assert share[50, 60] == pytest.approx(1.0)
+    assert share[0, 60] == pytest.approx(0.5, abs=0.05)
+    assert share[0, 0] == pytest.approx(0.25, abs=0.06)
