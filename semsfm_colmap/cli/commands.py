@@ -76,6 +76,11 @@ COMMANDS: tuple[Command, ...] = (
         module="goniometer",
     ),
     Command(
+        name="heightmap",
+        help="heights of a surface on a grid, with ISO 25178 parameters and their uncertainties",
+        module="height_map",
+    ),
+    Command(
         name="export",
         help="the model as other programs read it: COLMAP, OpenMVS, nerfstudio, PLY, ...",
         module="export",
