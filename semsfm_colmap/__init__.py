@@ -7,6 +7,7 @@ The public names, loaded when they are first used:
 - `merge_projects`: several series of one specimen in one model
 - `segment_project`: specimen and what holds it told apart
 - `measure_rotation`: the actuator that turned the specimen, as a goniometer
+- `compare_projects`: two surfaces of one specimen, before and after wear or etching
 - `height_map`: heights of a surface on a grid, with areal parameters and their uncertainties
 - `map_database`, `reconstruct_from_database`: from any COLMAP database
 - `mesh_colmap`: a mesh of any COLMAP folder
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.evaluation.truth import load_truth as load_truth
     from semsfm_colmap.mapping.parts import map_observations as map_observations
     from semsfm_colmap.pipeline.adopt import adopt_model as adopt_model
+    from semsfm_colmap.pipeline.compare_surfaces import compare_projects as compare_projects
     from semsfm_colmap.pipeline.export import export_project as export_project
     from semsfm_colmap.pipeline.foreign.import_database import (
         reconstruct_from_database as reconstruct_from_database,
@@ -57,6 +59,7 @@ _HOMES = {
     "Config": "config",
     "SynthesizeOptions": "synthetic.options",
     "adopt_model": "pipeline.adopt",
+    "compare_projects": "pipeline.compare_surfaces",
     "evaluate": "evaluation.compare",
     "export_project": "pipeline.export",
     "height_map": "pipeline.height_map",

@@ -81,6 +81,11 @@ COMMANDS: tuple[Command, ...] = (
         module="height_map",
     ),
     Command(
+        name="compare",
+        help="two surfaces of one specimen, before and after: what was lost, with its bounds",
+        module="compare_surfaces",
+    ),
+    Command(
         name="export",
         help="the model as other programs read it: COLMAP, OpenMVS, nerfstudio, PLY, ...",
         module="export",

@@ -25,7 +25,7 @@ class HeightMapOptions:
     pixel_size_sigma: float = 0.03
     """Relative standard deviation of the pixel size; the default stands for a magnification within
     5 % (ASTM E766). Lengths in px have none."""
-    num_draws: int = 50
-    """Of the Monte Carlo behind the uncertainties."""
+    num_draws: int = 30
+    """Of the Monte Carlo behind the uncertainties, which are known to 1 / root(2 num_draws)."""
     seed: int = 0
     """Of the Monte Carlo."""

@@ -77,7 +77,7 @@ def measured_parameters(
     parameters: Parameters,
     rng: np.random.Generator,
     *,
-    num_draws: int = 50,
+    num_draws: int = 30,
 ) -> dict[str, MeasuredParameter]:
     """Parameters of the scale-limited surface of a map, each with its uncertainty.
 
