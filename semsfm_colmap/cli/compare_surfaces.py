@@ -27,6 +27,10 @@ class Arguments:
     """Folder for the results, made anew."""
     to: str = "tif"
     """Formats of the difference, by commas: x3p, sdf, gsf, gwy, tif, xyz."""
+    region: tuple[float, float, float, float] | None = None
+    """x0 y0 x1 y1 in px of an image of the earlier project: what is seen there alone."""
+    region_image: str | None = None
+    """Name of that image; default: the first one of the model."""
     free_scale: bool = False
     """The scale of the later surface is found, too: its pixel size is not trusted."""
     spacing: float | None = None
@@ -45,6 +49,8 @@ def main(arguments: Sequence[str]) -> None:
         parsed.after_path,
         parsed.output_path,
         to=[name.strip() for name in parsed.to.split(",")],
+        region=parsed.region,
+        region_image=parsed.region_image,
         free_scale=parsed.free_scale,
         spacing=parsed.spacing,
         reporter=verbosity(False, parsed.quiet),

@@ -34,8 +34,6 @@ from semsfm_colmap.metrology.parameter_uncertainty import COVERAGE
 from semsfm_colmap.metrology.registration import Registration, register
 from semsfm_colmap.types import Bool, Float, Int, TriangleMesh
 
-MIN_ERROR_SCALE = 0.25
-"""Least f: surfaces from disjoint halves of one series differ by 0.26 to 0.30 of their sigma."""
 SMOOTHING = 2.0
 """Of the difference, and growth of what has changed, in units of T."""
 CHANGED = 4.0
@@ -91,6 +89,7 @@ def compare_surfaces(
     unit: Literal["um", "px"],
     transfer_index: float,
     *,
+    shown: TriangleMesh | None = None,
     with_scale: bool = False,
     spacing: float | None = None,
 ) -> SurfaceComparison:
@@ -100,6 +99,7 @@ def compare_surfaces(
     ----------
     before, after : with sigma, in one unit, each in a world of its own
     transfer_index : T of the reconstructions, the larger one of the two
+    shown : the part of `before` that the maps are of; default: all of it
     with_scale : the scale of `after` is free
 
     Raises
@@ -115,7 +115,7 @@ def compare_surfaces(
     placed = replace(
         after, vertices=motion.apply(after.vertices), vertex_sigma=motion.scale * after.vertex_sigma
     )
-    base = height_map_of_mesh(before, unit, spacing=spacing)
+    base = height_map_of_mesh(shown or before, unit, spacing=spacing)
     assert base.origin is not None
     assert base.axes is not None
     other = on_grid(placed, unit, base.origin, base.axes, base.spacing, base.z.shape)
@@ -123,8 +123,7 @@ def compare_surfaces(
         raise InputError("The two surfaces have no place in common: they cannot be compared.")
     assert base.sigma is not None
     assert other.sigma is not None
-    scale = min(max(found.error_scale, MIN_ERROR_SCALE), 1.0)
-    own = scale * np.hypot(base.sigma, other.sigma)
+    own = min(found.error_scale, 1.0) * np.hypot(base.sigma, other.sigma)
     raw = check_cells(replace(base, z=other.z - base.z, sigma=None, overhang=None))
     fitted = without_registration_error(raw, own, transfer_index)
     cell = base.spacing[0] * base.spacing[1]

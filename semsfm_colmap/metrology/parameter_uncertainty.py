@@ -6,8 +6,9 @@ away included. Of a parameter at a stated S-nesting index that is taken apart:
 - noise (kind A): what is left of the errors at this nesting index and is not the transfer below.
   Monte Carlo: fields ``share * sigma_z * g`` are added to the map, g of unit variance, white noise
   behind the filter that the reconstruction itself is (T). The standard deviation of the parameter
-  counts, and the mean shift, which is what noise adds (in quadrature, to Sq), counts as an error of
-  its own: the measured map has it already, but errors that averaging makes take as much away;
+  counts. The mean shift is what noise adds (in quadrature, to Sq) and the map has already, but
+  errors that averaging makes take as much away: it is the half width of a uniform distribution, an
+  error of kind B of its own;
 - transfer (B): the nesting index T of the reconstruction, one standard deviation up and down;
 - amplification (B): heights in proportion, e.g. from the total rotation;
 - scale (B): all lengths in proportion, from the pixel size.
@@ -31,6 +32,8 @@ from semsfm_colmap.types import Float
 Parameters = Callable[[HeightMap], dict[str, float]]
 SOURCES = {"noise": "A", "noise bias": "B", "transfer": "B", "amplification": "B", "scale": "B"}
 """Sources and their kind in the sense of the GUM."""
+UNIFORM = float(np.sqrt(3.0))
+"""Half width of a uniform distribution over its standard deviation."""
 COVERAGE = 1.96
 """Standard deviations of an interval that holds 95 %."""
 MAX_TRANSFER = 0.98
@@ -110,7 +113,7 @@ def measured_parameters(
         ]
         spread = np.array(draws)
         parts["noise"] = np.std(spread, axis=0, ddof=1)
-        parts["noise bias"] = np.abs(np.mean(spread, axis=0))
+        parts["noise bias"] = np.abs(np.mean(spread, axis=0)) / UNIFORM
     T, u = model.transfer.nesting_index, model.transfer.sigma
     if filtering.s_index is not None and u > 0.0:
         most = MAX_TRANSFER * filtering.s_index

@@ -44,6 +44,8 @@ MIN_UNCHANGED = 0.3
 """Least share of the points that must agree within their error bars."""
 WITHIN = 3.0
 """Standard deviations within which they do."""
+MIN_ERROR_SCALE = 0.25
+"""Least scale of distance / sigma: surfaces from disjoint halves of a series have 0.26 to 0.30."""
 MIN_POINTS = 100
 
 
@@ -57,7 +59,7 @@ class Registration:
     unchanged_share: float
     """Share of the moving surface that agrees with the fixed one within the error bars"""
     error_scale: float
-    """Robust scale of distance / sigma on that part"""
+    """Robust scale of distance / sigma on that part, at least 0.25"""
 
 
 def plane_jacobian(points: Float, normals: Float) -> Float:
@@ -211,7 +213,8 @@ def judged(
             f"{100 * MIN_UNCHANGED:.0f} % are needed: nothing tells how they lie to one another; "
             "compare surfaces that have an unchanged part in common."
         )
-    scale = TO_SIGMA * float(np.median(np.abs(along[inside] / spread[inside])))
+    robust = TO_SIGMA * float(np.median(np.abs(along[inside] / spread[inside])))
+    scale = max(robust, MIN_ERROR_SCALE)
     J = plane_jacobian(placed - base.centre, normals)[inside]
     J = J if with_scale else J[:, :6]
     # each error is shared by all points within the correlation area

@@ -12,6 +12,7 @@ from semsfm_colmap.pipeline.project import Project
 
 if TYPE_CHECKING:
     from semsfm_colmap.metrology.comparison import SurfaceComparison, Volume
+    from semsfm_colmap.metrology.region import Rectangle
     from semsfm_colmap.pipeline.reporter import Reporter
 
 FORMAT = "semsfm-comparison"
@@ -26,6 +27,8 @@ def compare_projects(
     output_path: Path | str,
     *,
     to: Sequence[str] = ("tif",),
+    region: Rectangle | None = None,
+    region_image: str | None = None,
     free_scale: bool = False,
     spacing: float | None = None,
     reporter: Reporter | None = None,
@@ -39,6 +42,8 @@ def compare_projects(
     ----------
     before_path, after_path : project folders with meshes, in worlds of their own
     to : formats of the difference
+    region : x0, y0, x1, y1 in px of an image of the first project: what is seen there alone
+    region_image : its name; default: the first image of the model
     free_scale : the scale of the second one is unknown
 
     Returns
@@ -80,7 +85,10 @@ def compare_projects(
         for project, model in zip(projects, models, strict=True)
     )
     before, after = meshes
-    found = compare_surfaces(before, after, unit, transfer, with_scale=free_scale, spacing=spacing)
+    shown = part_of_mesh(projects[0], models[0], region, region_image)
+    found = compare_surfaces(
+        before, after, unit, transfer, shown=shown, with_scale=free_scale, spacing=spacing
+    )
     notes = [
         f"the hand of {project.path} is not decided: if it differs from the other's, nothing agrees"
         for project, model in zip(projects, models, strict=True)

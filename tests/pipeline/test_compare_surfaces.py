@@ -13,7 +13,7 @@ import pytest
 from semsfm_colmap.cli.main import main
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.io.ply import write_ply
+from semsfm_colmap.io.ply import read_ply_mesh, write_ply
 from semsfm_colmap.metrology.files.registry import read_height_map
 from semsfm_colmap.pipeline.compare_surfaces import compare_projects
 from tests.exports.ball_project import UNIT, write_project
@@ -81,3 +81,17 @@ def test_unequal_units_are_refused(projects, tmp_path):
 def test_a_project_that_is_not_there_is_named(projects, tmp_path):
     with pytest.raises(UsageError, match="nowhere is not a folder"):
         compare_projects(projects[0], tmp_path / "nowhere", tmp_path / "out")
+
+
+def test_a_whole_ball_is_refused_and_a_region_of_it_has_not_changed(tmp_path):
+    before = write_project(tmp_path / "a", special=False)
+    path = before / "mesh" / "mesh.ply"
+    ball = read_ply_mesh(path)
+    write_ply(path, replace(ball, vertex_sigma=np.full(len(ball.vertices), 0.5 * PX)))
+    with pytest.raises(InputError, match=r"closed or overhanging.*--region"):
+        compare_projects(before, before, tmp_path / "out")
+    data = compare_projects(
+        before, before, tmp_path / "out", region=(50.0, 30.0, 110.0, 90.0), spacing=2.0 * PX
+    )
+    assert data["volume_lost"]["value"] == data["volume_gained"]["value"] == 0.0
+    assert abs(data["volume_net"]["value"]) < data["volume_net"]["sigma"]
