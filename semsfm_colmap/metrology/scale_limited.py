@@ -1,15 +1,15 @@
 """Scale-limited surfaces of ISO 25178-2, with what the reconstruction has itself filtered off.
 
-Matching windows, local planes and fusion average relief away. On rendered fields with exact truth
+Matching windows, local planes and fusion average relief away. On rendered series with exact truth
 (docs/metrology_areal.md) the heights of a reconstruction are those of the truth behind a Gaussian
-filter of nesting index T = 19 px of the depth maps, give or take 1.6 px: the instrument transfer
+filter of nesting index T = 19 px of the depth maps, give or take 1.8 px: the instrument transfer
 function. Two Gaussian filters in turn are one whose index is the root of the sum of the squares, so
 the surface with the S-nesting index L asked for needs only what is missing,
 
     S-filter with  sqrt(L^2 - T^2),
 
 and no L below T can be had. The nearer L is to T, the more the parameters depend on T being right;
-from L = 2 T on, they do so by less than 3 % for 1.6 px of T, the slope parameters included.
+from L = 2 T on, they do so by less than 3 % for 1.8 px of T, the slope parameters included.
 
 Along the ends and ragged rims a filter sees one side only: cells with less than 60 % of its weight
 on measured cells are left out.
@@ -30,9 +30,9 @@ from semsfm_colmap.metrology.height_map import HeightMap, check_cells
 from semsfm_colmap.metrology.levelling import Form, level
 
 TRANSFER_PX = 19.0
-"""T in px of the depth maps, for windows of 7 px: the mean over three rendered fields."""
-TRANSFER_SIGMA_PX = 1.6
-"""Standard deviation of T between them."""
+"""T in px of the depth maps, for windows of 7 px: the mean over fields, a grain and spores."""
+TRANSFER_SIGMA_PX = 1.8
+"""Standard deviation of T between them: 20 px on small fields, 17 px on the others."""
 TRANSFER_WINDOW_PX = 7
 """The window that T was measured with: T is taken to grow in proportion."""
 DEFAULT_RATIO = 2.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import folder_aside, write_bytes, write_json
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.metrology.comparison import SurfaceComparison, Volume
     from semsfm_colmap.metrology.region import Rectangle
     from semsfm_colmap.pipeline.reporter import Reporter
+    from semsfm_colmap.types import Reconstruction
 
 FORMAT = "semsfm-comparison"
 VERSION = 1
@@ -64,18 +65,9 @@ def compare_projects(
     formats = [check_format(name) for name in to]
     projects = [Project(Path(before_path)), Project(Path(after_path))]
     output = Path(output_path)
-    for project in projects:
-        if not project.path.is_dir():
-            raise UsageError(f"{project.path} is not a folder: give a project folder")
-    if output.exists() and not (output / COMPARISON_FILE).is_file():
-        raise UsageError(f"{output} exists and is no comparison: give another --output_path")
+    check_paths(projects, output)
     models = [project.read_main_model() for project in projects]
-    unit, other = (model.world_unit for model in models)
-    if unit != other:
-        raise InputError(
-            f"{projects[0].path} is in {unit} and {projects[1].path} in {other}: give the pixel "
-            "size of the one that has none and map it again."
-        )
+    unit = common_unit(projects, models)
     meshes = [
         part_of_mesh(project, model, None, None)
         for project, model in zip(projects, models, strict=True)
@@ -109,6 +101,28 @@ def compare_projects(
             reporter.warn(note)
         say(reporter, data)
     return data
+
+
+def check_paths(projects: Sequence[Project], output: Path) -> None:
+    """Refuse what is no project, and to overwrite what is no comparison."""
+    for project in projects:
+        if not project.path.is_dir():
+            raise UsageError(f"{project.path} is not a folder: give a project folder")
+    if output.exists() and not (output / COMPARISON_FILE).is_file():
+        raise UsageError(f"{output} exists and is no comparison: give another --output_path")
+
+
+def common_unit(
+    projects: Sequence[Project], models: Sequence[Reconstruction]
+) -> Literal["px", "um"]:
+    """The unit of both models."""
+    unit, other = (model.world_unit for model in models)
+    if unit != other:
+        raise InputError(
+            f"{projects[0].path} is in {unit} and {projects[1].path} in {other}: give the pixel "
+            "size of the one that has none and map it again."
+        )
+    return unit
 
 
 def plain(found: SurfaceComparison, paths: Sequence[str], notes: Sequence[str]) -> dict[str, Any]:

@@ -70,10 +70,10 @@ def height_map(
 
     from semsfm_colmap.metrology.areal import areal_parameters
     from semsfm_colmap.metrology.characteristics import characteristics
-    from semsfm_colmap.metrology.files.registry import check_format, write_height_map
+    from semsfm_colmap.metrology.files.registry import check_format
     from semsfm_colmap.metrology.height_map import height_map_of_mesh
     from semsfm_colmap.metrology.levelling import level
-    from semsfm_colmap.metrology.parameter_uncertainty import ErrorModel, measured_parameters
+    from semsfm_colmap.metrology.parameter_uncertainty import measured_parameters
     from semsfm_colmap.metrology.picture import height_map_picture
     from semsfm_colmap.metrology.scale_limited import check_filtering, scale_limited
 
@@ -92,38 +92,48 @@ def height_map(
             right=model.cameras.cam_from_world[0, 0],
             spacing=options.spacing,
         )
-        transfer = transfer_of(project, model)
+        errors = errors_of(project, model, options)
+        transfer = errors.transfer
         filtering = filtering_of(options, transfer)
         check_filtering(filtering, transfer, found)
-        errors = ErrorModel(
-            transfer=transfer,
-            amplification_sigma=amplification_sigma(project),
-            scale_sigma=options.pixel_size_sigma if model.world_unit == "um" else 0.0,
-        )
         levelled = level(found, options.level, degree=options.degree).height_map
         limited = scale_limited(found, filtering, transfer)
         rng = np.random.default_rng(options.seed)
         parameters = measured_parameters(
             found, filtering, errors, areal_parameters, rng, num_draws=options.num_draws
         )
-        known = characteristics(
-            found, filtering, transfer, halves=halves_of(project, found), truth=None
-        )
+        known = characteristics(found, filtering, transfer, halves=halves_of(project, found))
         notes = notes_of(project, model, found)
         data = plain(found, filtering, errors, parameters, known, notes)
-        for name in formats:
-            path = project.metrology / f"{NAME}.{name}"
-            aside = path.with_name(f".{path.stem}.part.{name}")
-            aside.parent.mkdir(exist_ok=True)
-            # readers and writers know a format by the ending of the name
-            write_height_map(levelled, aside)
-            os.replace(aside, path)
+        write_formats(levelled, project.metrology, formats)
         picture = height_map_picture(levelled, limited, title_of(project, filtering, found.unit))
         write_bytes(picture, project.metrology / f"{NAME}.png")
         write_json(data, project.metrology / AREAL_FILE)
     if reporter is not None:
         say(reporter, found, filtering, parameters, notes)
     return data
+
+
+def write_formats(levelled: HeightMap, folder: Path, formats: Sequence[str]) -> None:
+    """Write height_map.FORMAT; aside first, under a name with the ending that tells the format."""
+    from semsfm_colmap.metrology.files.registry import write_height_map
+
+    folder.mkdir(exist_ok=True)
+    for name in formats:
+        aside = folder / f".{NAME}.part.{name}"
+        write_height_map(levelled, aside)
+        os.replace(aside, folder / f"{NAME}.{name}")
+
+
+def errors_of(project: Project, model: Reconstruction, options: HeightMapOptions) -> ErrorModel:
+    """What is known about the errors of the heights."""
+    from semsfm_colmap.metrology.parameter_uncertainty import ErrorModel
+
+    return ErrorModel(
+        transfer=transfer_of(project, model),
+        amplification_sigma=amplification_sigma(project),
+        scale_sigma=options.pixel_size_sigma if model.world_unit == "um" else 0.0,
+    )
 
 
 def part_of_mesh(
