@@ -29,6 +29,10 @@ class Arguments:
     """x0 y0 x1 y1 in px of an image: what is seen there alone, e.g. one side of a grain."""
     region_image: str | None = None
     """Name of that image; default: the first one of the model."""
+    truth_path: Path | None = None
+    """Folder of a rendered series: amplification, linearity, flatness and lateral period limit."""
+    steps: tuple[tuple[float, float], ...] = ()
+    """Known and measured height of steps, two numbers each: amplification and linearity."""
     quiet: Quiet = False
     """Say nothing but warnings."""
     options: tyro.conf.OmitArgPrefixes[HeightMapOptions] = field(default_factory=HeightMapOptions)
@@ -45,5 +49,7 @@ def main(arguments: Sequence[str]) -> None:
         to=[name.strip() for name in parsed.to.split(",")],
         region=parsed.region,
         region_image=parsed.region_image,
+        truth_path=parsed.truth_path,
+        steps=parsed.steps,
         reporter=verbosity(False, parsed.quiet),
     )

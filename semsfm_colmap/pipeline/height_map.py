@@ -42,6 +42,8 @@ def height_map(
     to: Sequence[str] = ("tif",),
     region: Rectangle | None = None,
     region_image: str | None = None,
+    truth_path: Path | str | None = None,
+    steps: Sequence[tuple[float, float]] = (),
     reporter: Reporter | None = None,
 ) -> dict[str, Any]:
     """Heights of a project's surface on a grid, and its areal parameters with uncertainties.
@@ -55,6 +57,8 @@ def height_map(
     to : formats, of `metrology.files.registry`
     region : x0, y0, x1, y1 in px of an image: what is seen there alone
     region_image : its name; default: the first image of the model
+    truth_path : folder of the rendered series, for the characteristics
+    steps : (known, measured) heights, for the same
 
     Returns
     -------
@@ -102,7 +106,14 @@ def height_map(
         parameters = measured_parameters(
             found, filtering, errors, areal_parameters, rng, num_draws=options.num_draws
         )
-        known = characteristics(found, filtering, transfer, halves=halves_of(project, found))
+        known = characteristics(
+            found,
+            filtering,
+            transfer,
+            halves=halves_of(project, found),
+            truth=None if truth_path is None else truth_map(Path(truth_path), model, found),
+            steps=steps,
+        )
         notes = notes_of(project, model, found)
         data = plain(found, filtering, errors, parameters, known, notes)
         write_formats(levelled, project.metrology, formats)
@@ -210,6 +221,42 @@ def halves_of(project: Project, like: HeightMap) -> tuple[HeightMap, HeightMap] 
     odd = points[both]
     even = odd + rows["difference"][both, None] * normals[both]
     return height_map_of_points(odd, like), height_map_of_points(even, like)
+
+
+def truth_map(path: Path, model: Reconstruction, like: HeightMap) -> HeightMap:
+    """The true heights of a rendered series on the grid of a map, brought there by the cameras.
+
+    Raises
+    ------
+    InputError
+        There is no truth, it is of other images, or the model has the wrong hand.
+
+    """
+    import numpy as np
+
+    from semsfm_colmap.evaluation.truth import load_truth
+    from semsfm_colmap.geometry.alignment import align_cameras_both_hands
+    from semsfm_colmap.metrology.height_map import on_grid
+    from semsfm_colmap.types import TriangleMesh
+
+    truth = load_truth(path)
+    number = {Path(name).stem: i for i, name in enumerate(truth.names)}
+    stems = [Path(name).stem for name in model.image_names]
+    if truth.mesh is None or not all(stem in number for stem in stems):
+        raise InputError(f"{path} is not the truth of these images: give the folder of the series.")
+    true = truth.cameras.select(np.array([number[stem] for stem in stems]))
+    right, wrong = align_cameras_both_hands(model.cameras, true)
+    if wrong.rotation_rms_rad < right.rotation_rms_rad:
+        raise InputError(
+            "The model has the wrong hand, its heights are upside down: map again with "
+            "--depth_sign reversed."
+        )
+    assert like.origin is not None
+    assert like.axes is not None
+    placed = right.true_from_estimated.inverse.apply(truth.mesh.vertices)
+    mesh = TriangleMesh(vertices=placed, faces=truth.mesh.faces)
+    rows, columns = like.z.shape
+    return on_grid(mesh, like.unit, like.origin, like.axes, like.spacing, (rows, columns))
 
 
 def notes_of(project: Project, model: Reconstruction, found: HeightMap) -> list[str]:
