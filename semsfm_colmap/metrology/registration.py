@@ -19,21 +19,15 @@ from scipy.spatial import cKDTree
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.alignment import Similarity
-from semsfm_colmap.geometry.mesh_normals import face_normals, vertex_normals
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.metrology.height_map import (
-    TO_SIGMA,
-    reference_normal,
-    right_handed_axes,
-    seen_faces,
-)
+from semsfm_colmap.metrology.coarse_registration import MIN_OVERLAP, starts
+from semsfm_colmap.metrology.height_map import TO_SIGMA, seen_faces
 from semsfm_colmap.types import Float, TriangleMesh
 
 NUM_COARSE, NUM_FINE = 1500, 20_000
 """Points of a search from each start, and of the last one."""
 COARSE_ROUNDS, FINE_ROUNDS = 40, 60
-IN_PLANE_STEP_DEG = 15.0
-"""Between the starts about the normal of the surface."""
 KEPT = 0.6
 """Share of the nearest points that tell the scale of the distances."""
 TUKEY = 4.685
@@ -44,6 +38,8 @@ MIN_UNCHANGED = 0.3
 """Least share of the points that must agree within their error bars."""
 WITHIN = 3.0
 """Standard deviations within which they do."""
+BESIDE = 3.0
+"""Spacings of the vertices: points farther from them across the normal are beside the surface."""
 MIN_ERROR_SCALE = 0.25
 """Least scale of distance / sigma: surfaces from disjoint halves of a series have 0.26 to 0.30."""
 MIN_POINTS = 100
@@ -57,7 +53,7 @@ class Registration:
     scale_sigma: float
     """relative standard deviation of the scale; 0 where it was fixed"""
     unchanged_share: float
-    """Share of the moving surface that agrees with the fixed one within the error bars"""
+    """Share of the part that both have which agrees within the error bars"""
     error_scale: float
     """Robust scale of distance / sigma on that part, at least 0.25"""
 
@@ -112,20 +108,29 @@ class Target:
         self.sigma = np.asarray(mesh.vertex_sigma, dtype=np.float64)[used]
         self.tree = cKDTree(self.points)
         self.centre = self.points.mean(axis=0)
+        near = np.asarray(self.tree.query(self.points, k=2, workers=-1)[0])[:, 1]
+        self.spacing = float(np.median(near))
         self.size = float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     def nearest(self, points: Float) -> tuple[Float, Float, Float]:
-        """Distances along the normals, normals and sigmas at the nearest vertices."""
+        """Distances along the normals, normals and sigmas at the nearest vertices.
+
+        The distance of a point beside the surface, beyond an end or over a hole, is nan.
+        """
         idx = np.asarray(self.tree.query(points, workers=-1)[1])
         normals = self.normals[idx]
-        along = np.sum((points - self.points[idx]) * normals, axis=1)
-        return along, normals, self.sigma[idx]
+        gap = points - self.points[idx]
+        along = np.sum(gap * normals, axis=1)
+        across = np.linalg.norm(gap - along[:, None] * normals, axis=1)
+        return np.where(across <= BESIDE * self.spacing, along, np.nan), normals, self.sigma[idx]
 
     def misfit(self, points: Float) -> float:
-        """Mean distance of the nearest points to the surface."""
-        distance = np.asarray(self.tree.query(points, workers=-1)[0])
-        kept = np.sort(distance)[: max(int(KEPT * len(distance)), 1)]
-        return float(kept.mean())
+        """Mean distance of the nearest of the points over the surface; inf where few are."""
+        along = self.nearest(points)[0]
+        size = np.sort(np.abs(along[np.isfinite(along)]))
+        if len(size) < MIN_OVERLAP * len(points):
+            return float("inf")
+        return float(size[: max(int(KEPT * len(size)), 1)].mean())
 
 
 def seen_vertices(mesh: TriangleMesh) -> tuple[Float, Float]:
@@ -133,22 +138,6 @@ def seen_vertices(mesh: TriangleMesh) -> tuple[Float, Float]:
     used = np.unique(seen_faces(mesh))
     assert mesh.vertex_sigma is not None
     return mesh.vertices[used], np.asarray(mesh.vertex_sigma, dtype=np.float64)[used]
-
-
-def starts(fixed: TriangleMesh, moving: TriangleMesh) -> list[Similarity]:
-    """Orientations to begin at: as given, and the mean planes on one another, turned in plane."""
-    frames, centres = [], []
-    for mesh in (fixed, moving):
-        faces = seen_faces(mesh)
-        used = mesh.vertices[np.unique(faces)]
-        up = reference_normal(used, face_normals(mesh.vertices, faces))
-        frames.append(right_handed_axes(up, np.array([1.0, 0.0, 0.0])))
-        centres.append(used.mean(axis=0))
-    rotations = [np.eye(3)]
-    for angle in np.arange(0.0, 360.0, IN_PLANE_STEP_DEG):
-        turn = rotation_from_vector(np.array([[0.0, 0.0, np.radians(angle)]]))[0]
-        rotations.append(frames[0].T @ turn @ frames[1])
-    return [Similarity(rotation=R, scale=1.0, shift=centres[0] - R @ centres[1]) for R in rotations]
 
 
 def search(
@@ -159,8 +148,12 @@ def search(
     for _ in range(rounds):
         placed = found.apply(points)
         along, normals, _ = base.nearest(placed)
+        over = np.isfinite(along)
+        if over.sum() < MIN_OVERLAP * len(points):
+            break
+        along, normals = along[over], normals[over]
         weight = tukey(along)
-        J = plane_jacobian(placed - base.centre, normals)
+        J = plane_jacobian(placed[over] - base.centre, normals)
         if not with_scale:
             J = J[:, :6]
         root = np.sqrt(weight)[:, None]
@@ -205,8 +198,9 @@ def judged(
     placed = found.apply(points)
     along, normals, other = base.nearest(placed)
     spread = np.hypot(found.scale * sigma, other)
-    inside = np.abs(along) <= WITHIN * spread
-    share = float(inside.mean())
+    over = np.isfinite(along)
+    inside = over & (np.abs(along) <= WITHIN * spread)
+    share = float(inside.sum() / max(int(over.sum()), int(MIN_OVERLAP * len(points)), 1))
     if share < MIN_UNCHANGED:
         raise InputError(
             f"Only {100 * share:.0f} % of the surfaces agree within their error bars, "

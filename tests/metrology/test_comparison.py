@@ -5,6 +5,7 @@ import pytest
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.rotations import rotation_angle, rotation_from_vector
+from semsfm_colmap.metrology.coarse_registration import best_shift
 from semsfm_colmap.metrology.comparison import compare_surfaces, correlation_area
 from semsfm_colmap.metrology.filters import kernel
 from semsfm_colmap.metrology.parameter_uncertainty import correlated_field
@@ -47,6 +48,15 @@ def test_the_scale_is_found_where_it_is_free():
     mesh = sheet(TRUTH, sigma=SIGMA)
     found = register(mesh, elsewhere(mesh, 1.02), correlation_area(T), with_scale=True)
     assert found.fixed_from_moving.scale == pytest.approx(1.0 / 1.02, rel=1e-4)
+
+
+def test_surfaces_that_share_a_part_alone_come_together_on_it():
+    wide = rough(110, 130, 12.0, 2.0, seed=8)
+    one, other = sheet(wide[:, :85], sigma=SIGMA), sheet(wide[20:, 40:], sigma=SIGMA)
+    found = register(one, elsewhere(other), correlation_area(T)).fixed_from_moving
+    placed = found.apply(elsewhere(other).vertices)
+    # row 0, column 0 of the second is row 20, column 40 of the first
+    np.testing.assert_allclose(placed[0], [40.0, 20.0, wide[20, 40]], atol=0.01)
 
 
 def test_a_pit_is_shown_where_it_is_and_its_volume_holds():
@@ -104,3 +114,12 @@ def test_a_mesh_without_error_bars_is_refused():
 def test_the_correlation_area_is_that_of_the_filters_weights():
     weights = kernel(0.1, T)[1]
     assert correlation_area(T) == pytest.approx((0.1 / np.sum(weights**2)) ** 2, rel=1e-3)
+
+
+def test_a_relief_is_found_again_where_it_was_moved_to():
+    z = rough(60, 60, 8.0, 1.0, seed=4)
+    moved = np.full_like(z, np.nan)
+    moved[5:, :50] = z[:-5, 10:]
+    score, shift = best_shift(z, moved)
+    assert shift == (-5, 10)
+    assert score > 0.95
