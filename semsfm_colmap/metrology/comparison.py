@@ -2,9 +2,10 @@
 
 The second is brought onto the first (`registration`); both become height maps on one grid. Changed
 places are told from errors where the difference d, smoothed by a Gaussian filter of twice the T of
-the reconstruction (`scale_limited`), is beyond 4 sigma; they are grown by as much, since a change
-has tails that errors hide. A plane through d on the cells that are left takes out what the changes
-have pulled the registration by:
+the reconstruction (`scale_limited`), is beyond 4 sigma on an area of T^2, its lateral resolution;
+they are grown by twice T, since a change has tails that errors hide. Ragged rims, where a mesh ends
+one way or the other, are left out as in `scale_limited`. A plane through d on the cells that are
+left takes out what the changes have pulled the registration by:
 
     d = z_after - z_before - (a + b x + c y),    sigma^2 = f^2 (s_before^2 + s_after^2) + J C J^T
 
@@ -24,18 +25,21 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, label
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.metrology.filters import ALPHA, gaussian
+from semsfm_colmap.metrology.filters import ALPHA, gaussian, support
 from semsfm_colmap.metrology.height_map import HeightMap, check_cells, height_map_of_mesh, on_grid
 from semsfm_colmap.metrology.levelling import scaled_places
 from semsfm_colmap.metrology.parameter_uncertainty import COVERAGE
 from semsfm_colmap.metrology.registration import Registration, register
+from semsfm_colmap.metrology.scale_limited import MIN_SUPPORT
 from semsfm_colmap.types import Bool, Float, Int, TriangleMesh
 
 SMOOTHING = 2.0
 """Of the difference, and growth of what has changed, in units of T."""
+SMOOTHED = float(np.sqrt(1.0 + SMOOTHING**2))
+"""White noise behind the filter of T alone has so many times the deviation of that behind both."""
 CHANGED = 4.0
 """Standard deviations of the smoothed difference beyond which a place has changed."""
 NUM_ROUNDS = 4
@@ -62,6 +66,8 @@ class SurfaceComparison:
     changed: Int
     """(rows, columns) -1 where surface was lost, 1 where it was gained, 0 elsewhere"""
     registration: Registration
+    least_depth: float
+    """Change of height over an area of T^2 that is told from errors, at the median error bar"""
     net: Volume
     """of all cells"""
     lost: Volume
@@ -124,7 +130,9 @@ def compare_surfaces(
     assert base.sigma is not None
     assert other.sigma is not None
     own = min(found.error_scale, 1.0) * np.hypot(base.sigma, other.sigma)
-    raw = check_cells(replace(base, z=other.z - base.z, sigma=None, overhang=None))
+    inside = support(base.measured & other.measured, base.spacing[::-1], SMOOTHING * transfer_index)
+    z = np.where(inside >= MIN_SUPPORT, other.z - base.z, np.nan)
+    raw = check_cells(replace(base, z=z, sigma=None, overhang=None))
     fitted = without_registration_error(raw, own, transfer_index)
     cell = base.spacing[0] * base.spacing[1]
     heights = base.z - np.nanmean(base.z)
@@ -140,7 +148,7 @@ def compare_surfaces(
         independent = max(area / cell, 1.0) * float(np.sum(own[cells] ** 2))
         variance = cell**2 * (independent + float(together @ C @ together))
         return Volume(
-            value=sign * cell * float(z[cells].sum()),
+            value=cell * float(np.sum(sign * z[cells])),
             sigma=float(np.sqrt(variance)),
             area=cell * int(cells.sum()),
         )
@@ -149,6 +157,7 @@ def compare_surfaces(
         difference=replace(raw, z=z, sigma=np.where(both, sigma, np.nan)),
         changed=fitted.changed,
         registration=found,
+        least_depth=CHANGED * float(np.median(own[both])) / SMOOTHED,
         net=volume(both),
         lost=volume(fitted.changed < 0, -1.0),
         gained=volume(fitted.changed > 0),
@@ -176,8 +185,7 @@ def without_registration_error(raw: HeightMap, own: Float, transfer_index: float
     """
     both, terms = raw.measured, plane_terms(raw)
     smoothing = SMOOTHING * transfer_index
-    # white noise behind T has 1 + (SMOOTHING)^2 times the variance that it has behind both filters
-    smooth_sigma = own / np.sqrt(1.0 + SMOOTHING**2)
+    smooth_sigma = own / SMOOTHED
     dx, dy = raw.spacing
     changed = np.zeros(both.shape, dtype=np.int64)
     z, covariance = raw.z, np.eye(3)
@@ -192,7 +200,7 @@ def without_registration_error(raw: HeightMap, own: Float, transfer_index: float
         covariance = np.linalg.inv(J.T @ J)
         z = raw.z - terms @ (covariance @ (J.T @ (raw.z[use] / own[use])))
         smooth = gaussian(z, (dy, dx), smoothing) if smoothing > 2.0 * max(dx, dy) else z
-        core = np.abs(smooth) > CHANGED * smooth_sigma
+        core = large_enough(np.abs(smooth) > CHANGED * smooth_sigma, transfer_index**2 / (dx * dy))
         if not core.any():
             changed = np.zeros(both.shape, dtype=np.int64)
             continue
@@ -203,6 +211,13 @@ def without_registration_error(raw: HeightMap, own: Float, transfer_index: float
         near = both & (distance <= smoothing)
         changed = np.where(near, np.sign(smooth[row, column]), 0.0).astype(np.int64)
     return Fitted(z=z, changed=changed, covariance=covariance)
+
+
+def large_enough(cells: Bool, least: float) -> Bool:
+    """The connected parts of some cells that have at least so many of them."""
+    parts, _ = label(cells)
+    counts = np.bincount(parts.ravel())
+    return np.asarray(cells & (counts[parts] >= least))
 
 
 def plane_terms(height_map: HeightMap) -> Float:

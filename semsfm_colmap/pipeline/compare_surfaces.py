@@ -136,7 +136,7 @@ def plain(found: SurfaceComparison, paths: Sequence[str], notes: Sequence[str]) 
     def volume(of: Volume) -> dict[str, Any]:
         return {
             "value": of.value,
-            "sigma": of.sigma,
+            "sigma": of.sigma if of.area > 0.0 else None,
             "unit": f"{unit}^3",
             "area": of.area,
             "area_unit": f"{unit}^2",
@@ -159,6 +159,7 @@ def plain(found: SurfaceComparison, paths: Sequence[str], notes: Sequence[str]) 
         },
         "unchanged_share": found.registration.unchanged_share,
         "error_scale": found.registration.error_scale,
+        "least_depth": found.least_depth,
         "volume_lost": volume(found.lost),
         "volume_gained": volume(found.gained),
         "volume_net": volume(found.net),
@@ -174,6 +175,12 @@ def say(reporter: Reporter, data: dict[str, Any]) -> None:
     )
     for what in ("lost", "gained", "net"):
         v = data[f"volume_{what}"]
+        if v["sigma"] is None:
+            reporter.say(
+                f"  volume {what}: no place differs by more than the {data['least_depth']:.2g} "
+                f"{data['unit']} that errors make"
+            )
+            continue
         reporter.say(
             f"  volume {what} {v['value']:.4g} +- {v['sigma']:.2g} {v['unit']} on {v['area']:.3g} "
             f"{v['area_unit']}"

@@ -123,3 +123,10 @@ def test_a_relief_is_found_again_where_it_was_moved_to():
     score, shift = best_shift(z, moved)
     assert shift == (-5, 10)
     assert score > 0.95
+
+
+def test_a_surface_that_has_not_changed_has_lost_nothing():
+    found = compare_surfaces(noisy(TRUTH, 5), elsewhere(noisy(TRUTH, 6)), "um", T)
+    assert found.lost.area == found.gained.area == 0.0
+    assert abs(found.net.value) < 3.0 * found.net.sigma
+    assert 0.0 < found.least_depth < 5.0 * SIGMA
