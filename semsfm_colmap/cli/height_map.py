@@ -28,7 +28,9 @@ class Arguments:
     region: tuple[float, float, float, float] | None = None
     """x0 y0 x1 y1 in px of an image: what is seen there alone, e.g. one side of a grain."""
     region_image: str | None = None
-    """Name of that image; default: the first one of the model."""
+    """Name of the image that region and profile are in; default: the first one of the model."""
+    profile: tuple[float, float, float, float] | None = None
+    """x0 y0 x1 y1: ends of a line in px of the same image, for profile parameters (ISO 21920-2)."""
     truth_path: Path | None = None
     """Folder of a rendered series: amplification, linearity, flatness and lateral period limit."""
     steps: tuple[tuple[float, float], ...] = ()
@@ -49,6 +51,7 @@ def main(arguments: Sequence[str]) -> None:
         to=[name.strip() for name in parsed.to.split(",")],
         region=parsed.region,
         region_image=parsed.region_image,
+        profile=parsed.profile,
         truth_path=parsed.truth_path,
         steps=parsed.steps,
         reporter=verbosity(False, parsed.quiet),

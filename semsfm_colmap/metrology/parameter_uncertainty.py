@@ -18,7 +18,7 @@ They are independent: the combined standard uncertainty is the root of the sum o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,6 +80,7 @@ def measured_parameters(
     parameters: Parameters,
     rng: np.random.Generator,
     *,
+    lengths: Collection[str] = LENGTHS,
     num_draws: int = 30,
 ) -> dict[str, MeasuredParameter]:
     """Parameters of the scale-limited surface of a map, each with its uncertainty.
@@ -88,6 +89,7 @@ def measured_parameters(
     ----------
     height_map : before any filter, with sigma
     parameters : of a scale-limited surface, e.g. `areal_parameters`
+    lengths : names of those that are in proportion to the scale
     num_draws : of the Monte Carlo: the uncertainty is itself known to ``1 / sqrt(2 num_draws)``
 
     """
@@ -124,8 +126,8 @@ def measured_parameters(
         higher = height_map.with_heights(height_map.z * (1.0 + model.amplification_sigma))
         parts["amplification"] = np.abs(differences(evaluated(higher)))
     if model.scale_sigma is not None:
-        lengths = np.isin(names, LENGTHS)
-        parts["scale"] = np.where(lengths, model.scale_sigma * np.abs(centre), 0.0)
+        scaled = np.isin(names, list(lengths))
+        parts["scale"] = np.where(scaled, model.scale_sigma * np.abs(centre), 0.0)
     known = [part for part in parts.values() if part is not None]
     total = np.sqrt(sum((part**2 for part in known), np.zeros(len(names))))
     total = np.where(np.isfinite(centre), total, np.nan)

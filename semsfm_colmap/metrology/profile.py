@@ -19,20 +19,62 @@ The filters with their nesting indices are the caller's: ISO 21920-3 gives defau
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.metrology.areal import height_parameters
 from semsfm_colmap.metrology.filters import gaussian
 from semsfm_colmap.metrology.gradients import derivative
+from semsfm_colmap.metrology.height_map import HeightMap
 from semsfm_colmap.metrology.material_ratio import MaterialRatio
 from semsfm_colmap.types import Float
 
+LENGTHS = ("a", "q", "p", "v", "z", "t", "sm", "k", "pk", "vk")
+"""Parameters, without their letter, that are lengths."""
+PERCENTAGES = ("dl", "mrk1", "mrk2")
 NUM_SECTIONS = 5
 MIN_HEIGHT = 0.10
 """Share of Rz that an element must rise and fall [ISO 21920-2]."""
 MIN_WIDTH = 0.01
 """Share of a section length that half an element must be wide."""
 MIN_POINTS = 50
+
+
+def profile_unit(name: str, unit: str) -> str:
+    """The unit of a parameter such as Rq of a profile whose lengths are in `unit`."""
+    return unit if name[1:] in LENGTHS else "%" if name[1:] in PERCENTAGES else ""
+
+
+def line_profile(
+    height_map: HeightMap, start: tuple[float, float], end: tuple[float, float]
+) -> tuple[Float, float]:
+    """Heights along a straight line of a map, bilinear between cells, nan beside a hole.
+
+    Parameters
+    ----------
+    start, end : x, y in the unit of the map, from the middle of row 0, column 0
+
+    Returns
+    -------
+    heights (N,) and their spacing, about that of the cells
+
+    Raises
+    ------
+    InputError
+        The line has no length, or lies outside of the map.
+
+    """
+    steps = np.array(height_map.spacing)
+    a, b = (np.array(p, dtype=np.float64) / steps for p in (start, end))
+    length = float(np.linalg.norm((b - a) * steps))
+    num = int(np.ceil(np.abs(b - a).max())) + 1
+    if num < 2:
+        raise InputError("The line of the profile has no length: give two places apart.")
+    x, y = a[:, None] + (b - a)[:, None] * np.linspace(0.0, 1.0, num)
+    z = map_coordinates(height_map.z, [y, x], order=1, mode="constant", cval=np.nan)
+    if not np.isfinite(z).any():
+        raise InputError("The line of the profile crosses no measured cell: draw another one.")
+    return z, length / (num - 1)
 
 
 def roughness_profile(

@@ -1,4 +1,4 @@
-"""The part of a surface that a rectangle of an image shows."""
+"""Parts and places of a surface as images show them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.mesh_normals import face_normals
+from semsfm_colmap.metrology.height_map import HeightMap
 from semsfm_colmap.types import OrthographicCameras, TriangleMesh
 
 Rectangle = tuple[float, float, float, float]
@@ -44,3 +45,31 @@ def part_in_rectangle(
         faces=mesh.faces[keep],
         face_filled=None if mesh.face_filled is None else mesh.face_filled[keep],
     )
+
+
+def place_in_map(
+    height_map: HeightMap, cameras: OrthographicCameras, image: int, xy: tuple[float, float]
+) -> tuple[float, float]:
+    """The place x, y of a height map that an image shows at a pixel.
+
+    Parameters
+    ----------
+    xy : px of the image
+
+    Raises
+    ------
+    InputError
+        No cell is seen within a cell's width of the pixel.
+
+    """
+    row, column = np.nonzero(height_map.measured)
+    shown = cameras.project(height_map.points(), np.full(len(row), image))
+    away = np.linalg.norm(shown - xy, axis=1)
+    nearest = int(np.argmin(away))
+    scale = float(cameras.scale_px_per_unit[image])
+    if away[nearest] > max(height_map.spacing) * scale:
+        raise InputError(
+            f"The height map has no cell at {xy} px of the image: choose another place."
+        )
+    dx, dy = height_map.spacing
+    return float(column[nearest] * dx), float(row[nearest] * dy)

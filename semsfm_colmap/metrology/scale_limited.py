@@ -38,8 +38,8 @@ TRANSFER_WINDOW_PX = 7
 DEFAULT_RATIO = 2.0
 """Default S-nesting index in units of T."""
 MIN_SUPPORT = 0.6
-"""Least share of the S-filter's weight on measured cells: extreme heights on the rims of rendered
-fields were up to 10 % off, those inside 2 %."""
+"""Least share of the S-filter's weight on measured cells: with ragged rims extreme heights of
+rendered fields were up to 10 % off, without up to 7 %."""
 MIN_RATIO = 1.2
 """Least S-nesting index in units of T: below, the heights lack what the filter would keep."""
 

@@ -42,6 +42,7 @@ def height_map(
     to: Sequence[str] = ("tif",),
     region: Rectangle | None = None,
     region_image: str | None = None,
+    profile: Rectangle | None = None,
     truth_path: Path | str | None = None,
     steps: Sequence[tuple[float, float]] = (),
     reporter: Reporter | None = None,
@@ -57,6 +58,7 @@ def height_map(
     to : formats, of `metrology.files.registry`
     region : x0, y0, x1, y1 in px of an image: what is seen there alone
     region_image : its name; default: the first image of the model
+    profile : x0, y0, x1, y1: the ends of a line in px of the same image, for ISO 21920-2
     truth_path : folder of the rendered series, for the characteristics
     steps : (known, measured) heights, for the same
 
@@ -116,6 +118,9 @@ def height_map(
         )
         notes = notes_of(project, model, found)
         data = plain(found, filtering, errors, parameters, known, notes)
+        if profile is not None:
+            ends = profile_ends(found, model, profile, region_image)
+            data["profile"] = profile_data(found, filtering, errors, ends, options)
         write_formats(levelled, project.metrology, formats)
         picture = height_map_picture(levelled, limited, title_of(project, filtering, found.unit))
         write_bytes(picture, project.metrology / f"{NAME}.png")
@@ -160,10 +165,16 @@ def part_of_mesh(
     mesh = read_ply_mesh(path)
     if region is None:
         return mesh
-    name = region_image or model.image_names[0]
+    return part_in_rectangle(mesh, model.cameras, image_index(model, region_image), region)
+
+
+def image_index(model: Reconstruction, name: str | None) -> int:
+    """The number of an image by its name; the first one where none is given."""
+    if name is None:
+        return 0
     if name not in model.image_names:
         raise UsageError(f"{name} is no image of the model: {model.image_names[0]} is one")
-    return part_in_rectangle(mesh, model.cameras, model.image_names.index(name), region)
+    return model.image_names.index(name)
 
 
 def transfer_of(project: Project, model: Reconstruction) -> Transfer:
@@ -221,6 +232,64 @@ def halves_of(project: Project, like: HeightMap) -> tuple[HeightMap, HeightMap] 
     odd = points[both]
     even = odd + rows["difference"][both, None] * normals[both]
     return height_map_of_points(odd, like), height_map_of_points(even, like)
+
+
+def profile_ends(
+    found: HeightMap, model: Reconstruction, profile: Rectangle, image: str | None
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The ends of a line, given in px of an image, on a map."""
+    from semsfm_colmap.metrology.region import place_in_map
+
+    x0, y0, x1, y1 = profile
+    i = image_index(model, image)
+    first, last = (place_in_map(found, model.cameras, i, xy) for xy in ((x0, y0), (x1, y1)))
+    return first, last
+
+
+def profile_data(
+    found: HeightMap,
+    filtering: Filtering,
+    errors: ErrorModel,
+    ends: tuple[tuple[float, float], tuple[float, float]],
+    options: HeightMapOptions,
+) -> dict[str, Any]:
+    """Parameters of a line of the scale-limited surface: R with an L-filter, P without."""
+    import numpy as np
+
+    from semsfm_colmap.metrology.parameter_uncertainty import measured_parameters
+    from semsfm_colmap.metrology.profile import (
+        LENGTHS,
+        line_profile,
+        profile_parameters,
+        profile_unit,
+    )
+
+    letter = "P" if filtering.l_index is None else "R"
+
+    def parameters(limited: HeightMap) -> dict[str, float]:
+        return profile_parameters(*line_profile(limited, *ends), letter=letter)
+
+    measured = measured_parameters(
+        found,
+        filtering,
+        errors,
+        parameters,
+        np.random.default_rng(options.seed),
+        lengths=[letter + name for name in LENGTHS],
+        num_draws=options.num_draws,
+    )
+    return {
+        "ends": [list(end) for end in ends],
+        "unit": found.unit,
+        "parameters": {
+            name: {
+                "value": p.value if np.isfinite(p.value) else None,
+                "sigma": p.sigma if np.isfinite(p.value) else None,
+                "unit": profile_unit(name, found.unit),
+            }
+            for name, p in measured.items()
+        },
+    }
 
 
 def truth_map(path: Path, model: Reconstruction, like: HeightMap) -> HeightMap:

@@ -2,7 +2,13 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.metrology.profile import profile_parameters, roughness_profile
+from semsfm_colmap.metrology.profile import (
+    line_profile,
+    profile_parameters,
+    profile_unit,
+    roughness_profile,
+)
+from tests.metrology.surfaces import a_map
 
 
 def test_a_wave_has_the_parameters_of_its_formulas():
@@ -66,3 +72,26 @@ def test_a_profile_with_a_hole_has_no_mean_width_but_the_rest():
     found = profile_parameters(z, 1.0)
     assert np.isnan(found["Rsm"])
     assert found["Rq"] == pytest.approx(np.sqrt(0.5), rel=0.02)
+
+
+def test_a_line_of_a_map_has_the_heights_between_its_cells():
+    y, x = np.mgrid[0:40, 0:60].astype(float)
+    height_map = a_map(0.5 * x + 0.2 * y, 2.0, 1.0)
+    z, spacing = line_profile(height_map, (0.0, 0.0), (60.0, 30.0))
+    assert spacing == pytest.approx(np.hypot(60.0, 30.0) / (len(z) - 1))
+    np.testing.assert_allclose(z, np.linspace(0.0, 0.5 * 30.0 + 0.2 * 30.0, len(z)), atol=1e-9)
+
+
+def test_a_line_over_a_hole_has_a_gap_and_one_beside_the_map_is_refused():
+    z = np.zeros((40, 60))
+    z[15:25, 20:30] = np.nan
+    heights, _ = line_profile(a_map(z), (0.0, 20.0), (59.0, 20.0))
+    assert np.isnan(heights).sum() >= 10
+    with pytest.raises(InputError, match="no measured cell"):
+        line_profile(a_map(z), (100.0, 100.0), (150.0, 100.0))
+    with pytest.raises(InputError, match="no length"):
+        line_profile(a_map(z), (5.0, 5.0), (5.0, 5.0))
+
+
+def test_parameters_have_the_units_of_their_kind():
+    assert [profile_unit(n, "um") for n in ("Rq", "Psm", "Rsk", "Rdl")] == ["um", "um", "", "%"]

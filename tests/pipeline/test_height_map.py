@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.cli.main import main
+from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.io.ply import write_ply
+from semsfm_colmap.io.ply import read_ply_mesh, write_ply, write_ply_file
 from semsfm_colmap.metrology.files.registry import read_height_map
 from semsfm_colmap.metrology.height_map_options import HeightMapOptions
 from semsfm_colmap.metrology.levelling import level
@@ -48,6 +49,13 @@ def field(ball: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def project(field: Path, tmp_path: Path) -> Path:
     return shutil.copytree(field, tmp_path / "p")
+
+
+def project_centre(path: Path) -> np.ndarray:
+    """Where the first image shows the middle of the mesh."""
+    mesh = read_ply_mesh(path / "mesh" / "mesh.ply")
+    cameras = read_model(path / "sparse" / "0").cameras
+    return cameras.project(mesh.vertices.mean(axis=0)[None], np.zeros(1, dtype=int))[0]
 
 
 def test_the_map_its_picture_and_the_parameters_are_written(project):
@@ -93,6 +101,22 @@ def test_characteristics_that_nobody_measured_are_not_assessed(project):
     assert data["parameters"]["Sq"]["sources"]["amplification"] == "not assessed"
 
 
+def test_a_line_drawn_in_an_image_has_profile_parameters(project):
+    centre = project_centre(project)
+    x, y = centre
+    data = height_map(project, FEW, profile=(x - 60.0, y, x + 60.0, y))
+    (x0, y0), (x1, y1) = data["profile"]["ends"]
+    # x of the map lies along the image
+    assert x1 - x0 == pytest.approx(120.0 * PX, rel=0.05)
+    assert abs(y1 - y0) < 10.0 * PX
+    Pq = data["profile"]["parameters"]["Pq"]
+    assert Pq["unit"] == "um"
+    assert 0.0 < Pq["value"] < 3.0 * Z.std()
+    assert Pq["sigma"] >= 0.03 * Pq["value"]
+    with pytest.raises(InputError, match="no cell at"):
+        height_map(project, FEW, profile=(-500.0, y, x, y))
+
+
 def test_known_steps_tell_the_amplification(project):
     assert main([
         "heightmap", str(project), "--num_draws", "2", "-q",
@@ -119,8 +143,6 @@ def test_a_truth_of_other_images_is_refused(project, tmp_path):
 
 def test_halves_of_the_frames_tell_the_noise(project):
     rng = np.random.default_rng(1)
-    from semsfm_colmap.io.ply import read_ply_mesh, write_ply_file
-
     mesh = read_ply_mesh(project / "mesh" / "mesh.ply")
     names = ("x", "y", "z", "nx", "ny", "nz", "difference")
     rows = np.empty(len(mesh.vertices), dtype=[(n, "<f4") for n in names])
