@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from semsfm_colmap.errors import InputError
+from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.losses import HUBER_TUNING, weight
 from semsfm_colmap.geometry.mesh_normals import face_normals
 from semsfm_colmap.types import Bool, Float, Int, TriangleMesh, _Frozen
@@ -115,8 +115,12 @@ def height_map_of_mesh(
     ------
     InputError
         A closed or overhanging body, or hardly any cell.
+    UsageError
+        The spacing is not positive.
 
     """
+    if spacing is not None and not (np.isfinite(spacing) and spacing > 0.0):
+        raise UsageError(f"{spacing=} but cells are wider than 0: leave it out or give a length")
     faces = seen_faces(mesh)
     vertices = mesh.vertices
     used = vertices[np.unique(faces)]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from semsfm_colmap.errors import UsageError
+
 
 @dataclass(frozen=True, kw_only=True)
 class HeightMapOptions:
@@ -29,3 +31,12 @@ class HeightMapOptions:
     """Of the Monte Carlo behind the uncertainties, which are known to 1 / root(2 num_draws)."""
     seed: int = 0
     """Of the Monte Carlo."""
+
+    def __post_init__(self) -> None:
+        if self.num_draws < 2:
+            raise UsageError(f"num_draws={self.num_draws} but a standard deviation needs 2 or more")
+        if not 0.0 <= self.pixel_size_sigma < 1.0:
+            raise UsageError(
+                f"pixel_size_sigma={self.pixel_size_sigma} but expected a share of the pixel size, "
+                "0 or more and below 1"
+            )

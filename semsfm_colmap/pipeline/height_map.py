@@ -344,7 +344,7 @@ def notes_of(project: Project, model: Reconstruction, found: HeightMap) -> list[
     if found.hole_share > SAID_HOLES:
         notes.append(
             f"{100 * found.hole_share:.0f} % of the map are holes: parameters of what is left may "
-            "be of pieces that do not belong together; a part is chosen with --region"
+            "be of pieces that do not belong together; a smaller part is chosen with --region"
         )
     if model.world_unit == "px":
         notes.append("no pixel size is known: lengths are in px")

@@ -3,9 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from semsfm_colmap.errors import InputError
+from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.metrology.height_map import height_map_of_mesh, on_grid
+from semsfm_colmap.metrology.height_map_options import HeightMapOptions
 from semsfm_colmap.types import TriangleMesh
 from tests.metrology.surfaces import rough, sheet, sphere
 from tests.oracles import areal as oracle
@@ -100,3 +101,15 @@ def test_a_surface_that_nobody_saw_is_refused():
 def test_a_grid_of_too_many_cells_is_refused():
     with pytest.raises(InputError, match="too large"):
         height_map_of_mesh(sheet(np.zeros((30, 30))), "um", axis=UP, spacing=1e-4)
+
+
+@pytest.mark.parametrize("spacing", [0.0, -1.0, float("nan")])
+def test_a_spacing_that_is_no_length_is_refused(spacing):
+    with pytest.raises(UsageError, match="cells are wider than 0"):
+        height_map_of_mesh(sheet(np.zeros((30, 30))), "um", axis=UP, spacing=spacing)
+
+
+@pytest.mark.parametrize(("name", "value"), [("num_draws", 1), ("pixel_size_sigma", -0.1)])
+def test_options_without_a_meaning_are_refused(name, value):
+    with pytest.raises(UsageError, match=name):
+        HeightMapOptions(**{name: value})
