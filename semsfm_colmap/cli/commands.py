@@ -76,6 +76,16 @@ COMMANDS: tuple[Command, ...] = (
         module="goniometer",
     ),
     Command(
+        name="heightmap",
+        help="heights of a surface on a grid, with ISO 25178 parameters and their uncertainties",
+        module="height_map",
+    ),
+    Command(
+        name="compare",
+        help="two surfaces of one specimen, before and after: what was lost, with its bounds",
+        module="compare_surfaces",
+    ),
+    Command(
         name="export",
         help="the model as other programs read it: COLMAP, OpenMVS, nerfstudio, PLY, ...",
         module="export",

@@ -88,6 +88,11 @@ class Project:
         return self.path / layout.SEGMENTS_FOLDER
 
     @property
+    def metrology(self) -> Path:
+        """What was measured on the surface."""
+        return self.path / layout.METROLOGY_FOLDER
+
+    @property
     def cuts(self) -> Path:
         """Cuts made by hand."""
         return self.path / layout.CUTS_FILE
