@@ -7,6 +7,7 @@ The public names, loaded when they are first used:
 - `merge_projects`: several series of one specimen in one model
 - `segment_project`: specimen and what holds it told apart
 - `measure_rotation`: the actuator that turned the specimen, as a goniometer
+- `measure`: lengths, angles, radii, heights, areas, volumes, each with its uncertainty budget
 - `map_database`, `reconstruct_from_database`: from any COLMAP database
 - `mesh_colmap`: a mesh of any COLMAP folder
 - `export_project`, `adopt_model`, `read_pinhole_model`: to other programs and back
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.pipeline.foreign.map_database import map_database as map_database
     from semsfm_colmap.pipeline.foreign.mesh_colmap import mesh_colmap as mesh_colmap
     from semsfm_colmap.pipeline.goniometer import measure_rotation as measure_rotation
+    from semsfm_colmap.pipeline.measure import measure as measure
     from semsfm_colmap.pipeline.merge import merge_projects as merge_projects
     from semsfm_colmap.pipeline.runner import reconstruct as reconstruct
     from semsfm_colmap.pipeline.runner import run_stages as run_stages
@@ -60,6 +62,7 @@ _HOMES = {
     "load_truth": "evaluation.truth",
     "map_database": "pipeline.foreign.map_database",
     "map_observations": "mapping.parts",
+    "measure": "pipeline.measure",
     "measure_rotation": "pipeline.goniometer",
     "merge_projects": "pipeline.merge",
     "mesh_colmap": "pipeline.foreign.mesh_colmap",

@@ -1,0 +1,1 @@
+"""Measurement on reconstructed surfaces: height maps, filters, areal and profile parameters."""

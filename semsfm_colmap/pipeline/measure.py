@@ -1,0 +1,320 @@
+"""sparse/0, mesh/mesh.ply, measurements.toml -> metrology/: values with their budgets."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from semsfm_colmap.errors import UsageError
+from semsfm_colmap.io.atomic import write_json, write_text
+from semsfm_colmap.metrology.options import MetrologyOptions
+from semsfm_colmap.pipeline.project import Project, check_output, locked
+
+if TYPE_CHECKING:
+    from semsfm_colmap.metrology.budget import Measurement
+    from semsfm_colmap.metrology.covariance import Errors
+    from semsfm_colmap.metrology.requests import MeasurementRequest, Requests
+    from semsfm_colmap.metrology.specimen import Specimen
+    from semsfm_colmap.pipeline.reporter import Reporter
+    from semsfm_colmap.types import Array, Reconstruction, TriangleMesh
+
+FORMAT = "semsfm-measurements"
+VERSION = 1
+JSON_FILE, TABLE_FILE, PAGE_FILE = "measurements.json", "measurements.csv", "measurements.html"
+
+
+def measure(
+    project_path: Path | str,
+    *,
+    points: Sequence[str] = (),
+    profile: Sequence[str] = (),
+    scale_from: str | None = None,
+    options: MetrologyOptions | None = None,
+    reporter: Reporter | None = None,
+) -> list[Measurement]:
+    """Measure a project's surface; docs/metrology.md says how.
+
+    What PROJECT/measurements.toml asks for is measured, and what the arguments ask for besides.
+    Writes metrology/measurements.json, .csv and .html.
+
+    Parameters
+    ----------
+    project_path : the project folder, after map; regions, areas and volumes need a mesh
+    points : two places, ``image:x,y`` or ``vertex:number``, for their distance; a third one for the
+        angle at the second besides
+    profile : the two ends of a line in one image
+    scale_from : ``a,b,length[,sigma]``: a known length in um that sets the scale
+
+    Returns
+    -------
+    measurements, then checks
+
+    Raises
+    ------
+    UsageError, InputError
+        What is asked for makes no sense, or is not there; in one sentence.
+
+    """
+    from semsfm_colmap.metrology.run import measure as measure_specimen
+
+    project = Project(Path(project_path))
+    if not project.path.is_dir():
+        raise UsageError(f"{project.path} is not a folder: give a project folder")
+    check_output(project, [project.metrology.name])
+    requests = read_requests(project, points, profile, scale_from)
+    with locked(project):
+        specimen = read_specimen(project)
+        errors = errors_of(project, specimen, options or MetrologyOptions())
+        found, checks = measure_specimen(specimen, errors, requests)
+        notes = notes_of(specimen.model, requests)
+        data = plain(specimen.model, found, checks, notes)
+        write(project, data)
+    if reporter is not None:
+        for note in notes:
+            reporter.warn(note)
+        for one in (*found, *checks):
+            reporter.say(sentence(one))
+        reporter.say(f"{project.metrology / PAGE_FILE} has the budgets")
+    return [*found, *checks]
+
+
+def read_requests(
+    project: Project, points: Sequence[str], profile: Sequence[str], scale_from: str | None
+) -> Requests:
+    """What the file and the arguments ask for."""
+    from semsfm_colmap.metrology.requests import (
+        MeasurementRequest,
+        Requests,
+        parse_known_length,
+        parse_place,
+        parse_requests,
+    )
+
+    asked = Requests()
+    if project.measurements.is_file():
+        try:
+            text = project.measurements.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise UsageError(f"{project.measurements} cannot be read: {error}") from error
+        asked = parse_requests(text, str(project.measurements))
+    more: list[MeasurementRequest] = []
+    if points:
+        if len(points) not in (2, 3):
+            raise UsageError(f"--points takes 2 or 3 places, not {len(points)}")
+        spots = tuple(parse_place(place, "--points") for place in points)
+        more.append(MeasurementRequest(name="distance", kind="distance", places=spots[:2]))
+        if len(spots) == 3:
+            more.append(MeasurementRequest(name="angle", kind="angle", places=spots))
+    if profile:
+        if len(profile) != 2:
+            raise UsageError(f"--profile takes 2 places in one image, not {len(profile)}")
+        ends = tuple(parse_place(place, "--profile") for place in profile)
+        more.append(MeasurementRequest(name="profile", kind="profile", places=ends))
+    asked = replace(asked, measurements=(*asked.measurements, *more))
+    if scale_from is not None:
+        asked = replace(asked, scale_from=parse_known_length(scale_from))
+    if not (asked.measurements or asked.checks):
+        raise UsageError(
+            f"nothing to measure: give --points, or write {project.measurements} "
+            "(docs/metrology.md)"
+        )
+    return asked
+
+
+def read_specimen(project: Project) -> Specimen:
+    """The model of a project with its surface, labels and masks, as far as they are there."""
+    from semsfm_colmap.metrology.specimen import Specimen
+    from semsfm_colmap.segmentation.names import MESH_FILE
+
+    model = project.read_main_model()
+    mesh = labels = None
+    names: dict[str, int] = {}
+    path = project.mesh / MESH_FILE
+    if path.is_file():
+        from semsfm_colmap.io.ply import read_ply_mesh
+
+        mesh = read_ply_mesh(path)
+        labels, names = read_labels(project, mesh)
+    return Specimen(
+        model=model,
+        mesh=mesh,
+        frames=project.read_series().frames if project.series.is_file() else (),
+        mask=mask_reader(project),
+        labels=labels,
+        label_names=names,
+    )
+
+
+def read_labels(project: Project, mesh: TriangleMesh) -> tuple[Array | None, dict[str, int]]:
+    """Labels of the vertices, where they are of this very mesh; the names of the parts."""
+    from numpy import array_equal
+
+    from semsfm_colmap.io.ply import read_ply_file
+    from semsfm_colmap.segmentation.files import LABEL, positions, read_table
+    from semsfm_colmap.segmentation.names import MESH_FILE
+
+    path = project.segments / MESH_FILE
+    if not path.is_file():
+        return None, {}
+    file = read_ply_file(path)
+    if LABEL not in (file.vertices.dtype.names or ()) or not array_equal(
+        positions(file), mesh.vertices
+    ):
+        return None, {}
+    parts = {part["name"]: part["label"] for part in read_table(project.segments)["parts"]}
+    return file.vertices[LABEL].astype("int64"), parts
+
+
+def mask_reader(project: Project) -> Callable[[str], Array | None]:
+    """The mask of a prepared image by its name, None where there is none."""
+    from functools import cache
+
+    from semsfm_colmap.io.grey import read_mask
+
+    @cache
+    def mask(name: str) -> Array | None:
+        return read_mask(project.masks, name)
+
+    return mask
+
+
+def errors_of(project: Project, specimen: Specimen, options: MetrologyOptions) -> Errors:
+    """All that values of the project are uncertain by."""
+    from semsfm_colmap.colmap.model.sidecar import FILE_NAME, read_sidecar
+    from semsfm_colmap.config import Config, read_config
+    from semsfm_colmap.mapping.joint_covariance import joint_covariance
+    from semsfm_colmap.metrology.covariance import Errors, ScaleError
+    from semsfm_colmap.metrology.surface_error import surface_error
+    from semsfm_colmap.records import Reliability, from_plain
+
+    model, mesh = specimen.model, specimen.mesh
+    config = read_config(project.config) if project.config.is_file() else Config()
+    said = read_sidecar(project.sparse / "0" / FILE_NAME).get("reliability")
+    reliability = None if said is None else from_plain(Reliability, said)
+    sigma = None if mesh is None else mesh.vertex_sigma
+    return Errors(
+        cameras=joint_covariance(model, config.refinement, reliability),
+        surface=None if sigma is None else surface_error(sigma, specimen.px),
+        model_cameras=model.cameras,
+        relief_px=None if reliability is None else reliability.relief_px,
+        scale=ScaleError(sigma=options.pixel_size_sigma) if model.world_unit == "um" else None,
+        unit=model.world_unit,
+    )
+
+
+def notes_of(model: Reconstruction, requests: Requests) -> list[str]:
+    """What must be known to read the values."""
+    notes = []
+    known = requests.scale_from
+    if known is not None:
+        notes.append(
+            f"the scale is that of a known length: {known} is {known.length:g} um; the recorded "
+            "pixel size is not used"
+        )
+    if model.depth_sign.status != "resolved":
+        notes.append(
+            "the hand of the model is not decided: with the other one heights change their sign "
+            "and ridges are grooves; lengths, radii and angles stay as they are"
+        )
+    return notes
+
+
+def plain(
+    model: Reconstruction,
+    found: Sequence[Measurement],
+    checks: Sequence[Measurement],
+    notes: Sequence[str],
+) -> dict[str, Any]:
+    """The content of measurements.json."""
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "pixel_size_um": model.pixel_size_um,
+        "pixel_size_source": model.pixel_size_source,
+        "notes": list(notes),
+        "measurements": [entry(one) for one in found],
+        "checks": [entry(one) for one in checks],
+    }
+
+
+def entry(one: Measurement) -> dict[str, Any]:
+    """One measurement as JSON holds it."""
+    from semsfm_colmap.metrology.budget import COVERAGE_FACTOR
+
+    out: dict[str, Any] = {
+        "name": one.name,
+        "what": one.what,
+        "value": one.value,
+        "unit": one.unit,
+        "standard_uncertainty": one.sigma,
+        "coverage_factor": COVERAGE_FACTOR,
+        "expanded_uncertainty": one.expanded,
+        "interval_95": list(one.interval),
+        "facts": dict(one.facts),
+        "budget": [
+            {
+                "source": source.name,
+                "kind": source.kind,
+                "size": source.size,
+                "size_unit": source.unit,
+                "sensitivity": source.sensitivity,
+                "contribution": source.contribution,
+                "share": one.share(source),
+            }
+            for source in one.sources
+        ],
+        "not_assessed": list(one.not_assessed),
+    }
+    if one.check is not None:
+        out["check"] = {
+            "length": one.check.length,
+            "sigma": one.check.sigma,
+            "deviation": one.check.deviation,
+            "E_n": one.check.en,
+            "agrees": one.check.agrees,
+        }
+    if one.profile:
+        out["profile"] = [list(row) for row in one.profile]
+    return out
+
+
+def write(project: Project, data: dict[str, Any]) -> None:
+    """The files of a run."""
+    from semsfm_colmap.report.html_measurements import measurements_page
+
+    folder = project.metrology
+    write_json(data, folder / JSON_FILE)
+    write_text(table(data), folder / TABLE_FILE)
+    write_text(measurements_page(data, project.path.resolve().name), folder / PAGE_FILE)
+
+
+def table(data: dict[str, Any]) -> str:
+    """A CSV table, one line a value."""
+    out = io.StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(
+        ["name", "what", "value", "unit", "standard_uncertainty", "low_95", "high_95", "E_n"]
+    )
+    for one in (*data["measurements"], *data["checks"]):
+        low, high = one["interval_95"]
+        numbers = (f"{x:.6g}" for x in (one["standard_uncertainty"], low, high))
+        en = f"{one['check']['E_n']:.3f}" if "check" in one else ""
+        rows.writerow([one["name"], one["what"], f"{one['value']:.6g}", one["unit"], *numbers, en])
+    return out.getvalue()
+
+
+def sentence(one: Measurement) -> str:
+    """A value in a line."""
+    from semsfm_colmap.report.number_text import measured
+
+    largest = one.sources[0].name if one.sources else "nothing assessed"
+    text = f"{one.name}: {measured(one.value, one.sigma)} {one.unit} ({one.what}"
+    text += f"; mostly {largest})"
+    if one.check is not None:
+        verdict = "agrees" if one.check.agrees else "does not agree"
+        text += f"; known {one.check.length:g}: {verdict}, E_n {one.check.en:+.2f}"
+    return text
