@@ -127,17 +127,19 @@ def of_cap(facts: dict[str, Any], um: float, pick: Picker) -> tuple[str, list[Ex
 
 
 def of_step(facts: dict[str, Any], um: float, pick: Picker) -> tuple[str, list[Expected]]:
-    """Height of the step, and a distance across it."""
-    h = facts["height_units"]
+    """Height of the step over both sides of it, and a distance up to it."""
+    h, half = facts["height_units"], facts["half_width_units"] - 0.08
+    foot = facts["half_width_units"] + h / np.tan(np.radians(facts["slope_deg"])) + 0.08
+    sides = [pick.box(-1.5, -1.0, -foot, 1.0), pick.box(foot, -1.0, 1.5, 1.0)]
     regions = [
-        f"low = {pick.box(-1.45, -1.0, -0.3, 1.0)}",
-        f"high = {pick.box(0.3, -1.0, 1.45, 1.0, h)}",
+        f"low = {{ union = [{', '.join(sides)}] }}",
+        f"high = {pick.box(-half, -1.0, half, 1.0, h)}",
     ]
-    p, q = np.array([-1.0, -0.4, 0.0]), np.array([1.0, 0.3, h])
+    p, q = np.array([-1.2, -0.4, 0.0]), np.array([0.2, 0.3, h])
     return "\n".join(regions), [
         line('step_height = ["low", "high"]', h * um, "height"),
         line(
-            f'distance = ["{pick.place(-1.0, -0.4)}", "{pick.place(1.0, 0.3, h)}"]',
+            f'distance = ["{pick.place(-1.2, -0.4)}", "{pick.place(0.2, 0.3, h)}"]',
             float(np.linalg.norm(p - q)) * um,
             "distance",
         ),

@@ -22,6 +22,8 @@ MAX_HEIGHT = 0.85
 """No shape is higher, scene units."""
 STEP_HEIGHT = 0.8
 """2 um where a scene unit is 2.5 um."""
+STEP_HALF_WIDTH = 0.45
+"""Of its top."""
 STEP_SLOPE_DEG = 65.0
 FINE_RELIEF = 0.0035
 """Standard deviation of the relief about the shape."""
@@ -52,13 +54,19 @@ def build_cap(view: View, rng: np.random.Generator) -> Specimen:
 
 
 def build_step(view: View, rng: np.random.Generator) -> Specimen:
-    """Two planes, the one at positive x higher by `STEP_HEIGHT`, and a sloping wall at x = 0."""
+    """A flat ridge along y between sloping walls, a step of type A1 of ISO 5436-1."""
     slope = np.tan(np.radians(STEP_SLOPE_DEG))
 
     def h(x: Float, y: Float) -> Float:
-        return np.asarray(np.clip(STEP_HEIGHT / 2.0 + slope * x, 0.0, STEP_HEIGHT) + 0.0 * y)
+        wall = STEP_HEIGHT - slope * (np.abs(x) - STEP_HALF_WIDTH)
+        return np.asarray(np.minimum(wall, STEP_HEIGHT) + 0.0 * y)
 
-    return on_plate((h, {"height_units": STEP_HEIGHT, "slope_deg": STEP_SLOPE_DEG}), view, rng)
+    sizes = {
+        "height_units": STEP_HEIGHT,
+        "half_width_units": STEP_HALF_WIDTH,
+        "slope_deg": STEP_SLOPE_DEG,
+    }
+    return on_plate((h, sizes), view, rng)
 
 
 def build_pyramid(view: View, rng: np.random.Generator) -> Specimen:
