@@ -54,9 +54,10 @@ class Picker:
         self.middle = len(self.truth.names) // 2
 
     def place(self, x: float, y: float, height: float = 0.0) -> str:
-        """``image:x,y`` of a point of the scene, to whole pixels."""
+        """``image:x,y`` of a point of the scene, to whole pixels, within the image."""
         point = np.array([[x, y, -height]])
-        u, v = self.truth.cameras.project(point, np.array([self.middle]))[0]
+        there = self.truth.cameras.project(point, np.array([self.middle]))[0]
+        u, v = np.clip(there, 1.0, np.subtract(self.truth.image_size_px, 1.0))
         return f"{self.truth.names[self.middle]}:{np.floor(u) + 0.5:g},{np.floor(v) + 0.5:g}"
 
     def polygon(self, corners: Sequence[tuple[float, float]], height: float = 0.0) -> str:

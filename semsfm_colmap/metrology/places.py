@@ -75,7 +75,7 @@ def at_pixel(specimen: Specimen, image_name: str, xy: tuple[float, float], what:
 
     """
     image = specimen.image_named(image_name)
-    pixel = specimen.prepared_pixel(image, np.array([xy]))
+    pixel = specimen.prepared_pixel(image, np.array([xy]), what)
     if specimen.mesh is None:
         track = specimen.nearest_track(image, pixel[0])
         if track is None:
@@ -181,7 +181,7 @@ def in_polygon(
     if len(corners) < 3:
         raise InputError(f"{what}: a polygon has 3 corners or more, not {len(corners)}")
     image = specimen.image_named(image_name)
-    prepared = specimen.prepared_pixel(image, corners)
+    prepared = specimen.prepared_pixel(image, corners, what)
     low, high = np.floor(prepared.min(axis=0)), np.ceil(prepared.max(axis=0))
     v, u = np.mgrid[low[1] : high[1], low[0] : high[0]] + 0.5
     pixels = np.column_stack([u.ravel(), v.ravel()])

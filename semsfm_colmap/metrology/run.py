@@ -212,7 +212,7 @@ def _profile(
     image = specimen.image_named(a.image)
     share = np.linspace(0.0, 1.0, request.samples)[:, None]
     source = (1.0 - share) * np.array(a.xy) + share * np.array(b.xy)
-    hits = specimen.hits(image, specimen.prepared_pixel(image, source))
+    hits = specimen.hits(image, specimen.prepared_pixel(image, source, request.name))
     missing = ~hits.found | hits.filled
     if missing.any():
         x, y = source[np.flatnonzero(missing)[0]]

@@ -97,8 +97,12 @@ class Specimen:
             raise InputError(f"{name} may be any of {_some(names)}: give one of these names")
         return found[0]
 
-    def prepared_pixel(self, image: int, xy: Float) -> Float:
+    def prepared_pixel(self, image: int, xy: Float, what: str) -> Float:
         """Pixels (K, 2) of the prepared image for those of the original.
+
+        Parameters
+        ----------
+        what : asked for them, for a message
 
         Raises
         ------
@@ -114,14 +118,14 @@ class Specimen:
         for (x, y), (u, v) in zip(np.atleast_2d(xy), np.atleast_2d(prepared), strict=True):
             if not (0.0 <= u < width and 0.0 <= v < height):
                 raise InputError(
-                    f"{name}:{x:g},{y:g} lies outside of the image, of which x {x0} to "
+                    f"{what}: {name}:{x:g},{y:g} lies outside of the image, of which x {x0} to "
                     f"{x0 + width} and y {y0} to {y0 + height} are used: pick a place within"
                 )
             mask = self.mask(name)
             if mask is not None and mask[int(v), int(u)] == 0:
                 raise InputError(
-                    f"{name}:{x:g},{y:g} is masked out: pick a place on the specimen, or change "
-                    "the mask"
+                    f"{what}: {name}:{x:g},{y:g} is masked out: pick a place on the "
+                    "specimen, or change the mask"
                 )
         return prepared
 
