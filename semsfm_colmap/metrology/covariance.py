@@ -130,6 +130,7 @@ class Errors:
             out.append("pixel size: none is known, lengths are in px")
         return [
             *out,
+            *quantity.not_assessed,
             "distortion of the scan beyond drift within the frames and one magnification a frame",
             "difference of scale between x and y of the scan (aspect)",
             "change of the specimen while it was imaged (charging, contamination, shrinkage)",

@@ -212,21 +212,6 @@ def inside(points: Float, corners: Float) -> Bool:
     return np.asarray(crossed.sum(axis=1) % 2 == 1)
 
 
-def in_disc(
-    specimen: Specimen,
-    image_name: str,
-    centre: tuple[float, float],
-    radius_px: float,
-    what: str,
-    *,
-    whole: bool = False,
-) -> Int:
-    """Vertices that an image shows within a disc of original pixels; errors as `in_polygon`."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
-    rim = np.array(centre) + radius_px * np.column_stack([np.cos(angle), np.sin(angle)])
-    return in_polygon(specimen, image_name, rim, what, whole=whole)
-
-
 def with_label(specimen: Specimen, name: str, what: str) -> Int:
     """Vertices of a part that `semsfm segment` has named.
 

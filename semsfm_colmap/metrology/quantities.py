@@ -31,6 +31,7 @@ from semsfm_colmap.types import Float, Int
 
 NUM_REWEIGHTINGS = 20
 """Enough for the weights of a step's planes to settle to a part in 10^6 of the height."""
+FINE_AREA = "area of relief finer than the windows, which is lost, and of the mesh's own noise"
 FITS: dict[str, type[Feature]] = {
     "sphere": Sphere,
     "cylinder": Cylinder,
@@ -51,6 +52,8 @@ class Quantity:
     """power of the unit of length: 0 for an angle"""
     facts: Mapping[str, float] = field(default_factory=dict)
     """what else is known of it, such as the form deviation of a fit, in world units"""
+    not_assessed: tuple[str, ...] = ()
+    """what moves this kind of value and is in no line of its budget"""
 
     def scaled(self, factor: float) -> Quantity:
         """The value times a number."""
@@ -221,7 +224,13 @@ def area(places: Places, faces: Int, share: Float, what: str) -> Quantity:
     for k in range(3):
         b, c = (places.points[faces[:, (k + j) % 3]] for j in (1, 2))
         np.add.at(gradient, faces[:, k], 0.5 * np.cross(n, c - b))
-    return Quantity(value=float(0.5 * share @ size), gradient=gradient, places=places, dimension=2)
+    return Quantity(
+        value=float(0.5 * share @ size),
+        gradient=gradient,
+        places=places,
+        dimension=2,
+        not_assessed=(FINE_AREA,),
+    )
 
 
 def closed_volume(places: Places, faces: Int, what: str) -> Quantity:

@@ -34,7 +34,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import inf
+from math import cos, inf, pi, sin
 from typing import Any, Literal
 
 from semsfm_colmap.errors import UsageError
@@ -60,6 +60,7 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
 """What each kind of measurement is of. An angle's corner stands in the middle."""
 ROUND = ("sphere", "cylinder", "circle")
 SECTIONS = ("places", "regions", "measurements", "checks", "scale_from")
+DISC_CORNERS = 64
 NUM_SAMPLES = 101
 """Samples of a profile unless it says otherwise."""
 
@@ -102,6 +103,27 @@ class RegionRequest:
             return f"polygon of {len(self.corners)} corners in {self.corners[0].image}"
         return f"part {self.label}" if self.label else "the whole surface"
 
+    def outlines(self) -> list[tuple[PlaceRequest, ...]]:
+        """Corners of what was drawn in images: a place by itself is one, a disc a polygon."""
+        found: list[tuple[PlaceRequest, ...]] = [(place,) for place in self.places if place.image]
+        for part in self.union:
+            found += part.outlines()
+        if self.radius_px > 0.0:
+            found.append(tuple(disc_corners(self.corners[0], self.radius_px)))
+        elif self.corners:
+            found.append(self.corners)
+        return found
+
+
+def disc_corners(centre: PlaceRequest, radius_px: float) -> list[PlaceRequest]:
+    """A disc as a polygon."""
+    x, y = centre.xy
+    angles = [2.0 * pi * k / DISC_CORNERS for k in range(DISC_CORNERS)]
+    return [
+        PlaceRequest(image=centre.image, xy=(x + radius_px * cos(a), y + radius_px * sin(a)))
+        for a in angles
+    ]
+
 
 @dataclass(frozen=True, kw_only=True)
 class MeasurementRequest:
@@ -124,6 +146,13 @@ class MeasurementRequest:
         if self.kind in ROUND:
             kind += " diameter" if self.diameter else " radius"
         return f"{kind} of {of}"
+
+    def outlines(self) -> list[tuple[PlaceRequest, ...]]:
+        """Corners of what was drawn in images, a place by itself being one."""
+        found: list[tuple[PlaceRequest, ...]] = [(place,) for place in self.places if place.image]
+        for region in self.regions:
+            found += region.outlines()
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)

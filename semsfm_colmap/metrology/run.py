@@ -14,7 +14,6 @@ from semsfm_colmap.metrology.places import (
     at_pixel,
     at_vertex,
     at_vertices,
-    in_disc,
     in_polygon,
     on_surface,
     with_label,
@@ -186,11 +185,9 @@ def region_of(specimen: Specimen, region: RegionRequest, what: str, *, whole: bo
         return with_label(specimen, region.label, what)
     if not region.corners:
         return np.arange(len(specimen.mesh.vertices))
-    image = region.corners[0].image
-    if region.radius_px > 0.0:
-        return in_disc(specimen, image, region.corners[0].xy, region.radius_px, what, whole=whole)
-    corners = np.array([corner.xy for corner in region.corners])
-    return in_polygon(specimen, image, corners, what, whole=whole)
+    (outline,) = region.outlines()
+    corners = np.array([corner.xy for corner in outline])
+    return in_polygon(specimen, outline[0].image, corners, what, whole=whole)
 
 
 def _profile(

@@ -112,8 +112,7 @@ class Specimen:
         """
         name = self.model.image_names[image]
         width, height = (int(size) for size in self.model.image_size_px[image])
-        frame = next((f for f in self.frames if f.name == name), None)
-        x0, y0 = (0, 0) if frame is None else frame.crop_px[:2]
+        x0, y0 = self.crop_origin(name)
         prepared = np.asarray(xy, dtype=np.float64) - [x0, y0]
         for (x, y), (u, v) in zip(np.atleast_2d(xy), np.atleast_2d(prepared), strict=True):
             if not (0.0 <= u < width and 0.0 <= v < height):
@@ -128,6 +127,11 @@ class Specimen:
                     "specimen, or change the mask"
                 )
         return prepared
+
+    def crop_origin(self, name: str) -> tuple[int, int]:
+        """Where a prepared image begins in its original, px."""
+        frame = next((f for f in self.frames if f.name == name), None)
+        return (0, 0) if frame is None else (frame.crop_px[0], frame.crop_px[1])
 
     def hits(self, image: int, pixels: Float) -> Hits:
         """Where the rays of pixels (K, 2) of a prepared image first meet the mesh."""

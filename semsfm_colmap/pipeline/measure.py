@@ -71,8 +71,8 @@ def measure(
         errors = errors_of(project, specimen, options or MetrologyOptions())
         found, checks = measure_specimen(specimen, errors, requests)
         notes = notes_of(specimen.model, requests)
-        data = plain(specimen.model, found, checks, notes)
-        write(project, data)
+        data = plain(specimen.model, requests, found, checks, notes)
+        write(project, specimen, data)
     if reporter is not None:
         for note in notes:
             reporter.warn(note)
@@ -225,6 +225,7 @@ def notes_of(model: Reconstruction, requests: Requests) -> list[str]:
 
 def plain(
     model: Reconstruction,
+    requests: Requests,
     found: Sequence[Measurement],
     checks: Sequence[Measurement],
     notes: Sequence[str],
@@ -236,18 +237,22 @@ def plain(
         "pixel_size_um": model.pixel_size_um,
         "pixel_size_source": model.pixel_size_source,
         "notes": list(notes),
-        "measurements": [entry(one) for one in found],
-        "checks": [entry(one) for one in checks],
+        "measurements": [entry(*both) for both in zip(found, requests.measurements, strict=True)],
+        "checks": [entry(*both) for both in zip(checks, requests.checks, strict=True)],
     }
 
 
-def entry(one: Measurement) -> dict[str, Any]:
+def entry(one: Measurement, request: MeasurementRequest) -> dict[str, Any]:
     """One measurement as JSON holds it."""
     from semsfm_colmap.metrology.budget import COVERAGE_FACTOR
 
     out: dict[str, Any] = {
         "name": one.name,
         "what": one.what,
+        "where": [
+            {"image": corners[0].image, "xy": [list(corner.xy) for corner in corners]}
+            for corners in request.outlines()
+        ],
         "value": one.value,
         "unit": one.unit,
         "standard_uncertainty": one.sigma,
@@ -282,14 +287,30 @@ def entry(one: Measurement) -> dict[str, Any]:
     return out
 
 
-def write(project: Project, data: dict[str, Any]) -> None:
+def write(project: Project, specimen: Specimen, data: dict[str, Any]) -> None:
     """The files of a run."""
     from semsfm_colmap.report.html_measurements import measurements_page
 
     folder = project.metrology
     write_json(data, folder / JSON_FILE)
     write_text(table(data), folder / TABLE_FILE)
-    write_text(measurements_page(data, project.path.resolve().name), folder / PAGE_FILE)
+    pictures = draw(project, specimen, [*data["measurements"], *data["checks"]])
+    page = measurements_page(data, project.path.resolve().name, pictures)
+    write_text(page, folder / PAGE_FILE)
+
+
+def draw(project: Project, specimen: Specimen, ones: Sequence[dict[str, Any]]) -> dict[str, bytes]:
+    """Pictures of the images that something was picked in, by their names."""
+    from semsfm_colmap.io.grey import read_grey
+    from semsfm_colmap.report.figures_measurements import draw_marks, picked_images
+
+    pictures = {}
+    for name in picked_images(ones):
+        own = specimen.model.image_names[specimen.image_named(name)]
+        path = project.images / own
+        if path.is_file():
+            pictures[name] = draw_marks(read_grey(path), specimen.crop_origin(own), name, ones)
+    return pictures
 
 
 def table(data: dict[str, Any]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from typing import Any
 
-from semsfm_colmap.report.html_parts import Row, bullets, hint, section, table, text
+from semsfm_colmap.report.html_parts import Row, bullets, hint, image, section, table, text
 from semsfm_colmap.report.number_text import fixed, measured, number
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; form-action 'none'"
@@ -25,18 +25,24 @@ def unit_text(unit: str) -> str:
     return pretty.replace("um", "µm").replace("deg", "°")
 
 
-def measurements_page(data: Mapping[str, Any], title: str) -> str:
+def measurements_page(
+    data: Mapping[str, Any], title: str, pictures: Mapping[str, bytes] | None = None
+) -> str:
     """The page of the content of measurements.json.
 
     Parameters
     ----------
     data : as `pipeline.measure` writes it
     title : of the project
+    pictures : PNG of the images that something was picked in, by their names
 
     """
     ones = [*data["measurements"], *data["checks"]]
     body = f"<h1>Measurements: {text(title)}</h1>"
     body += section("Results", _results(ones) + bullets(_scale(data)), anchor="results")
+    if pictures:
+        drawn = "".join(image(png, f"{name}, px") for name, png in pictures.items())
+        body += section("Places and regions", drawn, anchor="places")
     body += hint(EXPLANATION)
     body += "".join(_one(k, one) for k, one in enumerate(ones))
     body += section("Not assessed", _not_assessed(ones), anchor="not-assessed")

@@ -8,14 +8,19 @@ from semsfm_colmap.metrology.places import (
     at_pixel,
     at_vertex,
     gradients,
-    in_disc,
     in_polygon,
     inside,
     with_label,
 )
+from semsfm_colmap.metrology.requests import PlaceRequest, disc_corners
 from semsfm_colmap.metrology.specimen import Specimen
 from semsfm_colmap.types import SemFrame
 from tests.metrology.builders import RADIUS_PX, ball, sheet, simulated_model
+
+
+def in_disc(specimen, image, centre, radius_px, what):
+    corners = disc_corners(PlaceRequest(image=image, xy=centre), radius_px)
+    return in_polygon(specimen, image, np.array([corner.xy for corner in corners]), what)
 
 
 @pytest.fixture(scope="module")
