@@ -25,6 +25,7 @@ MODULES = (
     "geometry.alignment",
     "geometry.epipolar",
     "geometry.rotations",
+    "metrology.requests",
     "motion.order",
     "motion.readout",
     "segmentation.transfer",

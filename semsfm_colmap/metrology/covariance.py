@@ -9,7 +9,7 @@ With g_S the gradient by the surface and g_R that by the rays of picked places (
 - tracks: noise of their own observations, ``sigma_px^2 g^T H^-1 g``, and their relief along the
   normal (docs/truth.md);
 - picking: a pixel is read to within half of one, uniformly: ``sigma = 1 / sqrt(12)`` px in x and y,
-  by ``(A A^T)^-1 A g_R`` per px;
+  by ``(A A^T)^-1 A g_R`` per px; perspective that only the images still have adds to it;
 - scale: the pixel size is uncertain by a share, which goes with the power of the unit. Lengths in
   px have none. Where a known length sets the scale, its own uncertainty takes this place.
 """
@@ -90,6 +90,8 @@ class Errors:
     """None for lengths in px"""
     unit: str
     """of length"""
+    picking_px: float = PICKING_PX
+    """of a coordinate of a picked pixel"""
 
     def sources(self, quantity: Quantity) -> list[Source]:
         """The budget of a value, one line a cause."""
@@ -103,7 +105,9 @@ class Errors:
         if np.any(places.image >= 0):
             picked = self._picking(places, by_ray)
             found.append(
-                Source(name="picking", kind="B", size=PICKING_PX, unit="px", contribution=picked)
+                Source(
+                    name="picking", kind="B", size=self.picking_px, unit="px", contribution=picked
+                )
             )
         if self.scale is not None and quantity.dimension:
             found.append(
@@ -223,7 +227,7 @@ class Errors:
         picked = np.flatnonzero(places.image >= 0)
         A = self.model_cameras.projection[places.image[picked]]
         back = np.linalg.solve(A @ A.transpose(0, 2, 1), A @ by_ray[picked][:, :, None])
-        return float(PICKING_PX * np.linalg.norm(back))
+        return float(self.picking_px * np.linalg.norm(back))
 
 
 def distinct(quantity: Quantity) -> tuple[Places, Float]:

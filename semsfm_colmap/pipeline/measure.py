@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.metrology.requests import MeasurementRequest, Requests
     from semsfm_colmap.metrology.specimen import Specimen
     from semsfm_colmap.pipeline.reporter import Reporter
+    from semsfm_colmap.records import Reliability
     from semsfm_colmap.types import Array, Reconstruction, TriangleMesh
 
 FORMAT = "semsfm-measurements"
@@ -187,7 +188,7 @@ def errors_of(project: Project, specimen: Specimen, options: MetrologyOptions) -
     from semsfm_colmap.colmap.model.sidecar import FILE_NAME, read_sidecar
     from semsfm_colmap.config import Config, read_config
     from semsfm_colmap.mapping.joint_covariance import joint_covariance
-    from semsfm_colmap.metrology.covariance import Errors, ScaleError
+    from semsfm_colmap.metrology.covariance import PICKING_PX, Errors, ScaleError
     from semsfm_colmap.metrology.surface_error import surface_error
     from semsfm_colmap.records import Reliability, from_plain
 
@@ -196,6 +197,7 @@ def errors_of(project: Project, specimen: Specimen, options: MetrologyOptions) -
     said = read_sidecar(project.sparse / "0" / FILE_NAME).get("reliability")
     reliability = None if said is None else from_plain(Reliability, said)
     sigma = None if mesh is None else mesh.vertex_sigma
+    bent = perspective_px(reliability)
     return Errors(
         cameras=joint_covariance(model, config.refinement, reliability),
         surface=None if sigma is None else surface_error(sigma, specimen.px),
@@ -203,7 +205,14 @@ def errors_of(project: Project, specimen: Specimen, options: MetrologyOptions) -
         relief_px=None if reliability is None else reliability.relief_px,
         scale=ScaleError(sigma=options.pixel_size_sigma) if model.world_unit == "um" else None,
         unit=model.world_unit,
+        picking_px=(PICKING_PX**2 + bent**2) ** 0.5,
     )
+
+
+def perspective_px(reliability: Reliability | None) -> float:
+    """How far the images, in which places are picked, are from the parallel model, px."""
+    found = None if reliability is None else reliability.perspective
+    return abs(found.deviation_px) if found is not None and found.used else 0.0
 
 
 def notes_of(model: Reconstruction, requests: Requests) -> list[str]:

@@ -7,8 +7,11 @@ from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.geometry.subset import keep_tracks
 from semsfm_colmap.mapping.joint_covariance import joint_covariance
 from semsfm_colmap.mapping.pose_covariance import as_refined, displacement_of
+from semsfm_colmap.refinement.adjustment import BundleSettings
+from semsfm_colmap.refinement.bundle import bundle_adjust
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.trust import uncertainty_of
+from semsfm_colmap.synthetic.tracks import simulate_tracks
 from semsfm_colmap.types import OrthographicCameras
 from tests.metrology.builders import simulated_model
 
@@ -154,3 +157,41 @@ def test_a_place_that_one_image_sees_is_refused(model, joint):
     weights[0, 3] = 1.0
     with pytest.raises(ValueError, match="two directions"):
         joint.surface_direction(np.zeros((1, 3)), np.zeros((1, 3)), weights, np.ones((1, 3)))
+
+
+def test_distances_scatter_as_the_noise_part_says():
+    """Bundle adjustments of sixty simulated series; what all of them measure has a true length."""
+    ends = np.array([[-150.0, 60.0, -200.0], [120.0, -90.0, -150.0]])
+    apart = ends[1] - ends[0]
+    true = float(np.linalg.norm(apart))
+    pulls = []
+    for seed in range(60):
+        simulated = simulate_tracks(
+            num_images=8, range_deg=50.0, num_tracks=300, noise_px=0.3, radius_px=300.0,
+            scale_drift=OPTIONS.scale_sigma, rng=np.random.default_rng(seed),
+        )  # fmt: skip
+        settings = BundleSettings(scale_sigma=OPTIONS.scale_sigma)
+        adjusted = bundle_adjust(simulated.cameras, simulated.observations, settings).value
+        model = replace(
+            simulated_model(num_images=8),
+            cameras=adjusted.cameras,
+            points=adjusted.points,
+            observations=simulated.observations,
+            inlier=np.ones(len(simulated.observations), dtype=bool),
+        )
+        joint = joint_covariance(model, OPTIONS, None)
+        A, t = adjusted.cameras.projection, adjusted.cameras.translation_px
+        H = np.einsum("mxi,mxj->ij", A, A)
+        found = []
+        for end in ends:
+            seen = simulated.cameras.project(np.tile(end, (8, 1)), np.arange(8))
+            found.append(np.linalg.solve(H, np.einsum("mxi,mx->i", A, seen - t)))
+        along = found[1] - found[0]
+        length = float(np.linalg.norm(along))
+        u = along / length
+        d = joint.surface_direction(
+            np.array(found), np.zeros((2, 3)), np.ones((2, 8)), np.stack([-u, u])
+        )
+        pulls.append((length - true) / joint.parts(d)["noise"])
+    assert 0.8 < np.sqrt(np.mean(np.square(pulls))) < 1.2
+    assert abs(np.mean(pulls)) < 0.4
