@@ -25,7 +25,7 @@ MODULES = (
     "geometry.alignment",
     "geometry.epipolar",
     "geometry.rotations",
-    "metrology.requests",
+    "metrology.request_file",
     "motion.order",
     "motion.readout",
     "segmentation.transfer",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,14 +15,12 @@ from semsfm_colmap.pipeline.project import Project, check_output, locked
 if TYPE_CHECKING:
     from semsfm_colmap.metrology.budget import Measurement
     from semsfm_colmap.metrology.covariance import Errors
-    from semsfm_colmap.metrology.requests import MeasurementRequest, Requests
+    from semsfm_colmap.metrology.requests import Requests
     from semsfm_colmap.metrology.specimen import Specimen
     from semsfm_colmap.pipeline.reporter import Reporter
     from semsfm_colmap.records import Reliability
     from semsfm_colmap.types import Array, Reconstruction, TriangleMesh
 
-FORMAT = "semsfm-measurements"
-VERSION = 1
 JSON_FILE, TABLE_FILE, PAGE_FILE = "measurements.json", "measurements.csv", "measurements.html"
 
 
@@ -60,6 +56,7 @@ def measure(
         What is asked for makes no sense, or is not there; in one sentence.
 
     """
+    from semsfm_colmap.metrology.record import plain
     from semsfm_colmap.metrology.run import measure as measure_specimen
 
     project = Project(Path(project_path))
@@ -87,13 +84,12 @@ def read_requests(
     project: Project, points: Sequence[str], profile: Sequence[str], scale_from: str | None
 ) -> Requests:
     """What the file and the arguments ask for."""
-    from semsfm_colmap.metrology.requests import (
-        MeasurementRequest,
-        Requests,
+    from semsfm_colmap.metrology.request_file import (
         parse_known_length,
         parse_place,
         parse_requests,
     )
+    from semsfm_colmap.metrology.requests import MeasurementRequest, Requests
 
     asked = Requests()
     if project.measurements.is_file():
@@ -232,72 +228,9 @@ def notes_of(model: Reconstruction, requests: Requests) -> list[str]:
     return notes
 
 
-def plain(
-    model: Reconstruction,
-    requests: Requests,
-    found: Sequence[Measurement],
-    checks: Sequence[Measurement],
-    notes: Sequence[str],
-) -> dict[str, Any]:
-    """The content of measurements.json."""
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "pixel_size_um": model.pixel_size_um,
-        "pixel_size_source": model.pixel_size_source,
-        "notes": list(notes),
-        "measurements": [entry(*both) for both in zip(found, requests.measurements, strict=True)],
-        "checks": [entry(*both) for both in zip(checks, requests.checks, strict=True)],
-    }
-
-
-def entry(one: Measurement, request: MeasurementRequest) -> dict[str, Any]:
-    """One measurement as JSON holds it."""
-    from semsfm_colmap.metrology.budget import COVERAGE_FACTOR
-
-    out: dict[str, Any] = {
-        "name": one.name,
-        "what": one.what,
-        "where": [
-            {"image": corners[0].image, "xy": [list(corner.xy) for corner in corners]}
-            for corners in request.outlines()
-        ],
-        "value": one.value,
-        "unit": one.unit,
-        "standard_uncertainty": one.sigma,
-        "coverage_factor": COVERAGE_FACTOR,
-        "expanded_uncertainty": one.expanded,
-        "interval_95": list(one.interval),
-        "facts": dict(one.facts),
-        "budget": [
-            {
-                "source": source.name,
-                "kind": source.kind,
-                "size": source.size,
-                "size_unit": source.unit,
-                "sensitivity": source.sensitivity,
-                "contribution": source.contribution,
-                "share": one.share(source),
-            }
-            for source in one.sources
-        ],
-        "not_assessed": list(one.not_assessed),
-    }
-    if one.check is not None:
-        out["check"] = {
-            "length": one.check.length,
-            "sigma": one.check.sigma,
-            "deviation": one.check.deviation,
-            "E_n": one.check.en,
-            "agrees": one.check.agrees,
-        }
-    if one.profile:
-        out["profile"] = [list(row) for row in one.profile]
-    return out
-
-
 def write(project: Project, specimen: Specimen, data: dict[str, Any]) -> None:
     """The files of a run."""
+    from semsfm_colmap.metrology.record import table
     from semsfm_colmap.report.html_measurements import measurements_page
 
     folder = project.metrology
@@ -320,21 +253,6 @@ def draw(project: Project, specimen: Specimen, ones: Sequence[dict[str, Any]]) -
         if path.is_file():
             pictures[name] = draw_marks(read_grey(path), specimen.crop_origin(own), name, ones)
     return pictures
-
-
-def table(data: dict[str, Any]) -> str:
-    """A CSV table, one line a value."""
-    out = io.StringIO()
-    rows = csv.writer(out, lineterminator="\n")
-    rows.writerow(
-        ["name", "what", "value", "unit", "standard_uncertainty", "low_95", "high_95", "E_n"]
-    )
-    for one in (*data["measurements"], *data["checks"]):
-        low, high = one["interval_95"]
-        numbers = (f"{x:.6g}" for x in (one["standard_uncertainty"], low, high))
-        en = f"{one['check']['E_n']:.3f}" if "check" in one else ""
-        rows.writerow([one["name"], one["what"], f"{one['value']:.6g}", one["unit"], *numbers, en])
-    return out.getvalue()
 
 
 def sentence(one: Measurement) -> str:

@@ -8,7 +8,7 @@ from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.mapping.joint_covariance import joint_covariance
 from semsfm_colmap.metrology.budget import COVERAGE_FACTOR
 from semsfm_colmap.metrology.covariance import PICKING_PX, Errors, ScaleError
-from semsfm_colmap.metrology.requests import parse_known_length, parse_requests
+from semsfm_colmap.metrology.request_file import parse_known_length, parse_requests
 from semsfm_colmap.metrology.run import measure
 from semsfm_colmap.metrology.specimen import Specimen
 from semsfm_colmap.metrology.surface_error import surface_error

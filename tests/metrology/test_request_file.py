@@ -1,7 +1,7 @@
 import pytest
 
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.metrology.requests import parse_known_length, parse_place, parse_requests
+from semsfm_colmap.metrology.request_file import parse_known_length, parse_place, parse_requests
 
 GOOD = """
 [places]
