@@ -30,6 +30,10 @@ MIN_FACING = 0.2
 """Least cosine between a normal and the direction to the viewer for an image to see a place."""
 LIFT_SHARE = 1e-3
 """Start of the rays that look for what hides a place, above it, in extents of the surface."""
+OTHER_WORLD_PX = 10.0
+"""A mesh whose surface lies farther than this from the points that the same image shows is of
+another model: in its own they are about 1 px off."""
+MAX_COMPARED = 2000
 NEAREST_TRACK_PX = 5.0
 """Without a mesh, a place is the reconstructed point nearest to the pixel, no farther than this."""
 FLAT_SINE = 0.05
@@ -206,6 +210,29 @@ class Specimen:
         alone = np.linalg.eigvalsh(spread)[:, 1] < FLAT_SINE**2
         sees[alone] = True
         return np.asarray(sees, dtype=np.float64)
+
+    def check_one_world(self) -> None:
+        """Refuse a mesh that is not of the model: mapped again, it may be turned or reversed.
+
+        Raises
+        ------
+        InputError
+            The surface that an image shows where its reconstructed points are lies off them.
+
+        """
+        obs = self.model.observations
+        image = self.model.num_images // 2
+        rows = np.flatnonzero((obs.image_idx == image) & self.model.inlier)[:MAX_COMPARED]
+        if self.mesh is None or len(rows) == 0:
+            return
+        away = self._cast(image, obs.xy[rows]).points - self.model.points[obs.track_idx[rows]]
+        off = np.linalg.norm(away[np.isfinite(away[:, 0])], axis=1) / self.px
+        if len(off) == 0 or np.median(off) > OTHER_WORLD_PX:
+            found = "nowhere near" if len(off) == 0 else f"{np.median(off):.0f} px (median) off"
+            raise InputError(
+                f"mesh/mesh.ply lies {found} the points of sparse/0: it is of another model; run "
+                "`semsfm densify` and `semsfm mesh` again"
+            )
 
     @cached_property
     def scene(self) -> Any:

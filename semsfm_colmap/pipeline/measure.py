@@ -136,7 +136,7 @@ def read_specimen(project: Project) -> Specimen:
 
         mesh = read_ply_mesh(path)
         labels, names = read_labels(project, mesh)
-    return Specimen(
+    specimen = Specimen(
         model=model,
         mesh=mesh,
         frames=project.read_series().frames if project.series.is_file() else (),
@@ -144,6 +144,8 @@ def read_specimen(project: Project) -> Specimen:
         labels=labels,
         label_names=names,
     )
+    specimen.check_one_world()
+    return specimen
 
 
 def read_labels(project: Project, mesh: TriangleMesh) -> tuple[Array | None, dict[str, int]]:

@@ -181,3 +181,15 @@ def test_a_pick_follows_the_surface_along_its_ray(specimen):
     change = float((g * (there.points - here.points)).sum())
     assert float(by_surface[0] @ here.normals[0]) * e == pytest.approx(change, rel=0.02)
     assert by_ray[0] @ specimen.model.cameras.viewing_direction[3] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_mesh_of_another_model_is_refused(specimen):
+    rough = specimen.model.points / np.linalg.norm(specimen.model.points, axis=1, keepdims=True)
+    model = replace(specimen.model, points=RADIUS_PX * rough)
+    obs = model.observations
+    seen = model.cameras.project(model.points[obs.track_idx], obs.image_idx)
+    own = replace(specimen, model=replace(model, observations=replace(obs, xy=seen)))
+    own.check_one_world()
+    for mesh in (ball(0.05 * RADIUS_PX), ball(RADIUS_PX + 30.0)):
+        with pytest.raises(InputError, match=r"it is of another model; run `semsfm densify`"):
+            replace(own, mesh=mesh).check_one_world()
