@@ -22,6 +22,8 @@ from semsfm_colmap.types import Bool, Float, Int
 
 MIN_INCIDENCE = 0.1
 """Least cosine between ray and normal that is divided by: 84 degrees."""
+MIN_TANGENT = 0.3
+"""The same for a tangent plane, which points around tell roughly: 73 degrees."""
 MIN_COVERAGE = 0.98
 """Share of a region's pixels that must show surface where its area or volume is asked for."""
 NUM_TRACK_NEIGHBORS = 24
@@ -77,14 +79,7 @@ def at_pixel(specimen: Specimen, image_name: str, xy: tuple[float, float], what:
     image = specimen.image_named(image_name)
     pixel = specimen.prepared_pixel(image, np.array([xy]), what)
     if specimen.mesh is None:
-        track = specimen.nearest_track(image, pixel[0])
-        if track is None:
-            raise InputError(
-                f"{what}: no reconstructed point lies within {NEAREST_TRACK_PX:g} px of "
-                f"{image_name}:{xy[0]:g},{xy[1]:g}, and there is no mesh: run `semsfm densify` and "
-                "`semsfm mesh`, or pick where a point is"
-            )
-        return at_tracks(specimen, np.array([track]))
+        return by_track(specimen, image, specimen.undrifted(image, pixel)[0], image_name, what)
     hits = specimen.hits(image, pixel)
     if not hits.found[0] or hits.filled[0]:
         why = "closes a hole that no image shows" if hits.found[0] else "is not there"
@@ -93,6 +88,26 @@ def at_pixel(specimen: Specimen, image_name: str, xy: tuple[float, float], what:
             "the mesh has been seen (report.html shows it)"
         )
     return on_surface(specimen, hits.points, hits.normals, hits.vertices, np.array([image]))
+
+
+def by_track(specimen: Specimen, image: int, pixel: Float, image_name: str, what: str) -> Places:
+    """Where the ray of a pixel meets the tangent plane of the reconstructed point next to it.
+
+    It errs as that point does along its normal, and as any picked place across its ray.
+    """
+    track, there = specimen.nearest_track(image, pixel)
+    if np.linalg.norm(there - pixel) > NEAREST_TRACK_PX:
+        x, y = there + specimen.crop_origin(specimen.model.image_names[image])
+        raise InputError(
+            f"{what}: no reconstructed point lies within {NEAREST_TRACK_PX:g} px of the place in "
+            f"{image_name}, and there is no mesh: run `semsfm densify` and `semsfm mesh`, or "
+            f"pick a point, the nearest being at {image_name}:{x:.0f},{y:.0f}"
+        )
+    found = at_tracks(specimen, np.array([track]))
+    n, v = found.normals[0], specimen.model.cameras.viewing_direction[image]
+    ray = specimen.on_rays(image, pixel[None])[0]
+    depth = (found.points[0] - ray) @ n / min(float(n @ v), -MIN_TANGENT)
+    return replace(found, points=(ray + depth * v)[None], image=np.array([image]))
 
 
 def on_surface(

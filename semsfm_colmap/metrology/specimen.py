@@ -139,11 +139,7 @@ class Specimen:
 
     def hits(self, image: int, pixels: Float) -> Hits:
         """Where the rays of pixels (K, 2) of a prepared image first meet the mesh."""
-        q = np.asarray(pixels, dtype=np.float64)
-        drift = self.model.drift_px
-        if drift is not None:
-            height = np.full(len(q), float(self.model.image_size_px[image, 1]))
-            q = without_drift(q, np.broadcast_to(drift[image], q.shape), height)
+        q = self.undrifted(image, pixels)
         found = self._cast(image, q)
         drag = self.model.drag_px
         if drag is None or drag <= 0.0:
@@ -152,12 +148,25 @@ class Specimen:
         n = np.nan_to_num(found.normals) @ self.model.cameras.cam_from_world[image].T
         return self._cast(image, q + drag * n[:, 2:] * n[:, :2])
 
+    def undrifted(self, image: int, pixels: Float) -> Float:
+        """Pixels (K, 2) of a prepared image as one scanned at once would have them."""
+        q = np.asarray(pixels, dtype=np.float64)
+        drift = self.model.drift_px
+        if drift is None:
+            return q
+        height = np.full(len(q), float(self.model.image_size_px[image, 1]))
+        return without_drift(q, np.broadcast_to(drift[image], q.shape), height)
+
+    def on_rays(self, image: int, q: Float) -> Float:
+        """A place (K, 3) on the ray of each pixel that the model shows there."""
+        cameras = self.model.cameras
+        A = cameras.projection[image]
+        return np.asarray((q - cameras.translation_px[image]) @ np.linalg.solve(A @ A.T, A))
+
     def _cast(self, image: int, q: Float) -> Hits:
         assert self.mesh is not None
-        cameras = self.model.cameras
-        A, v = cameras.projection[image], cameras.viewing_direction[image]
-        back = A.T @ np.linalg.inv(A @ A.T)
-        start = (q - cameras.translation_px[image]) @ back.T
+        v = self.model.cameras.viewing_direction[image]
+        start = self.on_rays(image, q)
         near = float((self.mesh.vertices @ v).min()) - self.extent
         start = start + (near - start @ v)[:, None] * v
         answer = self.scene.cast_rays(ray_tensor(start.astype(np.float32), v.astype(np.float32)))
@@ -179,15 +188,12 @@ class Specimen:
         vertices[hit] = corner[np.arange(len(corner)), share.argmax(axis=1)]
         return Hits(points=points, normals=normals, vertices=vertices, filled=filled)
 
-    def nearest_track(self, image: int, pixel: Float) -> int | None:
-        """The reconstructed point seen nearest to a pixel of a prepared image; None: none is."""
+    def nearest_track(self, image: int, pixel: Float) -> tuple[int, Float]:
+        """The reconstructed point that an image shows nearest to a pixel, and where (2,)."""
         obs = self.model.observations
         rows = np.flatnonzero((obs.image_idx == image) & self.model.inlier)
-        if len(rows) == 0:
-            return None
-        away = np.linalg.norm(obs.xy[rows] - pixel, axis=1)
-        best = int(np.argmin(away))
-        return int(obs.track_idx[rows[best]]) if away[best] <= NEAREST_TRACK_PX else None
+        best = rows[np.argmin(np.linalg.norm(obs.xy[rows] - pixel, axis=1))]
+        return int(obs.track_idx[best]), np.asarray(obs.xy[best])
 
     def seen_by(self, points: Float, normals: Float) -> Float:
         """(K, M) 1 for the images that see a place of the surface, 0 for the others.

@@ -107,15 +107,21 @@ def test_an_unknown_image_is_said(specimen):
 
 
 def test_without_a_mesh_it_is_the_nearest_track(specimen):
-    bare = Specimen(model=specimen.model, mesh=None)
-    obs = specimen.model.observations
-    row = 40
-    name = specimen.model.image_names[obs.image_idx[row]]
-    found = at_pixel(bare, name, tuple(obs.xy[row] + 0.2), "p")
+    d = specimen.model.points / np.linalg.norm(specimen.model.points, axis=1, keepdims=True)
+    model = replace(specimen.model, points=RADIUS_PX * d)
+    obs = model.observations
+    seen = model.cameras.project(model.points[obs.track_idx], obs.image_idx)
+    bare = Specimen(model=replace(model, observations=replace(obs, xy=seen)), mesh=None)
+    v = model.cameras.viewing_direction[obs.image_idx]
+    row = int(np.flatnonzero(np.einsum("oi,oi->o", d[obs.track_idx], v) < -0.9)[0])
+    name = model.image_names[obs.image_idx[row]]
+    found = at_pixel(bare, name, tuple(seen[row] + [2.0, 0.0]), "p")
     assert found.track[0]
-    np.testing.assert_allclose(found.points[0], specimen.model.points[obs.track_idx[row]])
-    seen = np.flatnonzero(found.weights[0])
-    np.testing.assert_array_equal(seen, obs.image_idx[obs.track_idx == obs.track_idx[row]])
+    shown = model.cameras.project(found.points, obs.image_idx[row : row + 1])
+    np.testing.assert_allclose(shown[0], seen[row] + [2.0, 0.0], atol=1e-6)
+    assert np.linalg.norm(found.points[0] - model.points[obs.track_idx[row]]) < 4.0
+    images = np.flatnonzero(found.weights[0])
+    np.testing.assert_array_equal(images, obs.image_idx[obs.track_idx == obs.track_idx[row]])
     with pytest.raises(InputError, match=r"no reconstructed point lies within 5 px .*semsfm mesh"):
         at_pixel(bare, name, (1.0, 1.0), "p")
     with pytest.raises(InputError, match="there is no mesh"):
