@@ -6,6 +6,8 @@ With g_S the gradient by the surface and g_R that by the rays of picked places (
   docs/truth.md (`mapping.joint_covariance`): what the places share drops out of their differences;
 - surface: relief within the windows, and what is common to the surface or to all that faces the
   same way (`metrology.surface_error`);
+- holes: of a region whose area or volume is asked for a share may be missing; that share of the
+  value is one standard uncertainty;
 - tracks: noise of their own observations, ``sigma_px^2 g^T H^-1 g``, and their relief along the
   normal (docs/truth.md);
 - picking: a pixel is read to within half of one, uniformly: ``sigma = 1 / sqrt(12)`` px in x and y,
@@ -107,6 +109,16 @@ class Errors:
             found.append(
                 Source(
                     name="picking", kind="B", size=self.picking_px, unit="px", contribution=picked
+                )
+            )
+        if quantity.missing > 0.0:
+            found.append(
+                Source(
+                    name="surface: holes of the region",
+                    kind="B",
+                    size=quantity.missing,
+                    unit="relative",
+                    contribution=quantity.missing * abs(quantity.value),
                 )
             )
         if self.scale is not None and quantity.dimension:

@@ -11,6 +11,7 @@ and the rest of g by the ray. At grazing incidence the first is large, and right
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -176,9 +177,26 @@ def at_tracks(specimen: Specimen, tracks: Int) -> Places:
     )
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Region:
+    """A part of the mesh."""
+
+    vertices: Int
+    missing: float = 0.0
+    """share of its pixels that show no surface, where it was drawn in an image"""
+
+    @staticmethod
+    def union(parts: Sequence[Region]) -> Region:
+        """What lies in any of several."""
+        return Region(
+            vertices=np.unique(np.concatenate([part.vertices for part in parts])),
+            missing=max(part.missing for part in parts),
+        )
+
+
 def in_polygon(
     specimen: Specimen, image_name: str, corners: Float, what: str, *, whole: bool = False
-) -> Int:
+) -> Region:
     """Vertices that an image shows within a polygon of original pixels (C, 2).
 
     Parameters
@@ -214,7 +232,7 @@ def in_polygon(
             "`semsfm mesh --surface.fill_holes all`"
         )
     chosen, where = visible_vertices(specimen, image)
-    return np.asarray(chosen[inside(where, prepared)])
+    return Region(vertices=chosen[inside(where, prepared)], missing=1.0 - float(hits.found.mean()))
 
 
 def inside(points: Float, corners: Float) -> Bool:
@@ -227,7 +245,7 @@ def inside(points: Float, corners: Float) -> Bool:
     return np.asarray(crossed.sum(axis=1) % 2 == 1)
 
 
-def with_label(specimen: Specimen, name: str, what: str) -> Int:
+def with_label(specimen: Specimen, name: str, what: str) -> Region:
     """Vertices of a part that `semsfm segment` has named.
 
     Raises
@@ -242,7 +260,7 @@ def with_label(specimen: Specimen, name: str, what: str) -> Int:
         raise InputError(
             f"{what}: no part is named {name}: the parts are {', '.join(specimen.label_names)}"
         )
-    return np.flatnonzero(specimen.labels == specimen.label_names[name])
+    return Region(vertices=np.flatnonzero(specimen.labels == specimen.label_names[name]))
 
 
 def gradients(places: Places, gradient: Float, viewing_direction: Float) -> tuple[Float, Float]:

@@ -52,6 +52,8 @@ class Quantity:
     """power of the unit of length: 0 for an angle"""
     facts: Mapping[str, float] = field(default_factory=dict)
     """what else is known of it, such as the form deviation of a fit, in world units"""
+    missing: float = 0.0
+    """share of an area or volume that has no surface and counts as nothing"""
     not_assessed: tuple[str, ...] = ()
     """what moves this kind of value and is in no line of its budget"""
 

@@ -11,6 +11,7 @@ from semsfm_colmap.metrology.budget import Measurement, measurement, standard_un
 from semsfm_colmap.metrology.covariance import Errors, ScaleError
 from semsfm_colmap.metrology.places import (
     Places,
+    Region,
     at_pixel,
     at_vertex,
     at_vertices,
@@ -40,7 +41,6 @@ from semsfm_colmap.metrology.requests import (
     Requests,
 )
 from semsfm_colmap.metrology.specimen import Specimen
-from semsfm_colmap.types import Int
 
 WITHOUT_HOLES = ("area", "volume_above")
 """What is not known of a region with holes."""
@@ -141,16 +141,16 @@ def quantity_of(specimen: Specimen, request: MeasurementRequest) -> Quantity:
     return step_height(patches[0], patches[1], what)
 
 
-def _joined_places(specimen: Specimen, vertices: Int, region: RegionRequest, what: str) -> Places:
+def _joined_places(specimen: Specimen, found: Region, region: RegionRequest, what: str) -> Places:
     if region.places:
         return Places.joined(*(place_of(specimen, place, what) for place in region.places))
-    return at_vertices(specimen, vertices)
+    return at_vertices(specimen, found.vertices)
 
 
-def _of_faces(specimen: Specimen, request: MeasurementRequest, regions: list[Int]) -> Quantity:
+def _of_faces(specimen: Specimen, request: MeasurementRequest, regions: list[Region]) -> Quantity:
     assert specimen.mesh is not None
     inside = np.zeros(len(specimen.mesh.vertices), dtype=bool)
-    inside[regions[0]] = True
+    inside[regions[0].vertices] = True
     corners = inside[specimen.mesh.faces].sum(axis=1)
     # a face across the border of a region is of it as far as its corners are
     touched = corners == 3 if request.kind == "volume" else corners > 0
@@ -161,8 +161,11 @@ def _of_faces(specimen: Specimen, request: MeasurementRequest, regions: list[Int
     if request.kind == "volume":
         return closed_volume(patch, faces, request.name)
     if request.kind == "area":
-        return area(patch, faces, share, request.name)
-    return volume_above(patch, faces, share, at_vertices(specimen, regions[1]), request.name)
+        found = area(patch, faces, share, request.name)
+    else:
+        base = at_vertices(specimen, regions[1].vertices)
+        found = volume_above(patch, faces, share, base, request.name)
+    return replace(found, missing=regions[0].missing)
 
 
 def place_of(specimen: Specimen, place: PlaceRequest, what: str) -> Places:
@@ -172,19 +175,20 @@ def place_of(specimen: Specimen, place: PlaceRequest, what: str) -> Places:
     return at_pixel(specimen, place.image, place.xy, what)
 
 
-def region_of(specimen: Specimen, region: RegionRequest, what: str, *, whole: bool = False) -> Int:
+def region_of(
+    specimen: Specimen, region: RegionRequest, what: str, *, whole: bool = False
+) -> Region:
     """The vertices of a region; none for one that is made of places."""
     if region.places:
-        return np.zeros(0, dtype=np.int64)
+        return Region(vertices=np.zeros(0, dtype=np.int64))
     if specimen.mesh is None:
         raise InputError(f"{what}: there is no mesh: run `semsfm densify` and `semsfm mesh`")
     if region.union:
-        every = [region_of(specimen, one, what, whole=whole) for one in region.union]
-        return np.unique(np.concatenate(every))
+        return Region.union([region_of(specimen, one, what, whole=whole) for one in region.union])
     if region.label:
         return with_label(specimen, region.label, what)
     if not region.corners:
-        return np.arange(len(specimen.mesh.vertices))
+        return Region(vertices=np.arange(len(specimen.mesh.vertices)))
     (outline,) = region.outlines()
     corners = np.array([corner.xy for corner in outline])
     return in_polygon(specimen, outline[0].image, corners, what, whole=whole)

@@ -20,7 +20,8 @@ from tests.metrology.builders import RADIUS_PX, ball, sheet, simulated_model
 
 def in_disc(specimen, image, centre, radius_px, what):
     corners = disc_corners(PlaceRequest(image=image, xy=centre), radius_px)
-    return in_polygon(specimen, image, np.array([corner.xy for corner in corners]), what)
+    found = in_polygon(specimen, image, np.array([corner.xy for corner in corners]), what)
+    return found.vertices
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +151,9 @@ def test_a_region_with_a_hole_is_refused_where_it_matters(specimen):
     height[25:35, 25:35] = np.nan
     plate = replace(specimen, mesh=sheet(height))
     corners = [(440.0, 440.0), (560.0, 440.0), (560.0, 560.0), (440.0, 560.0)]
-    assert len(in_polygon(plate, "im_4.tif", np.array(corners), "spot")) > 100
+    found = in_polygon(plate, "im_4.tif", np.array(corners), "spot")
+    assert len(found.vertices) > 100
+    assert found.missing == pytest.approx(44.0**2 / 120**2, rel=0.05)
     with pytest.raises(InputError, match=r"spot: \d+% of the region has no surface"):
         in_polygon(plate, "im_4.tif", np.array(corners), "spot", whole=True)
 
@@ -165,7 +168,7 @@ def test_labels_that_are_not_there_are_said(specimen):
         with_label(specimen, "specimen", "r")
     labels = np.arange(len(specimen.mesh.vertices)) % 2
     parted = replace(specimen, labels=labels, label_names={"specimen": 1})
-    assert np.all(with_label(parted, "specimen", "r") % 2 == 1)
+    assert np.all(with_label(parted, "specimen", "r").vertices % 2 == 1)
     with pytest.raises(InputError, match="no part is named coil: the parts are specimen"):
         with_label(parted, "coil", "r")
 

@@ -236,3 +236,18 @@ def test_a_step_is_as_uncertain_as_its_planes_and_not_by_what_they_share(specime
     assert found.value == pytest.approx(30.0, abs=4 * found.sigma)
     assert parts(found)["surface: common offset"] < 0.02 * found.sigma
     assert parts(found)["surface: offset by where it faces"] < 0.02 * found.sigma
+
+
+def test_a_small_hole_is_in_the_budget_of_an_area(specimen):
+    height = np.zeros((80, 80))
+    height[40:43, 40:43] = np.nan
+    holed = plate(specimen, height)
+    corners = ", ".join(
+        f'"im_4.tif:{x},{y}"' for x, y in ((400, 400), (600, 400), (600, 600), (400, 600))
+    )
+    found = one(
+        holed, errors_of(holed), f"[measurements]\na = {{ area = {{ polygon = [{corners}] }} }}\n"
+    )
+    share = parts(found)["surface: holes of the region"] / found.value
+    assert share == pytest.approx(16.0**2 / 200**2, rel=0.3)
+    assert found.value == pytest.approx(200.0**2, rel=0.02)
