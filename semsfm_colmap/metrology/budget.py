@@ -53,6 +53,8 @@ class Measurement:
     not_assessed: tuple[str, ...]
     facts: Mapping[str, float] = field(default_factory=dict)
     """what else was found, such as the form deviation of a fit"""
+    remarks: tuple[str, ...] = ()
+    """sentences that must be read with the value"""
     check: Check | None = None
     profile: tuple[tuple[float, float, float], ...] = ()
     """(along, height, sigma of the height) of samples"""
@@ -107,6 +109,7 @@ def measurement(
         sources=tuple(sorted(sources, key=lambda source: -source.contribution)),
         not_assessed=tuple(errors.not_assessed(quantity)),
         facts=quantity.facts,
+        remarks=quantity.remarks,
         check=check,
         profile=profile,
     )

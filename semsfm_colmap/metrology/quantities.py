@@ -31,6 +31,8 @@ from semsfm_colmap.types import Float, Int
 
 NUM_REWEIGHTINGS = 20
 """Enough for the weights of a step's planes to settle to a part in 10^6 of the height."""
+MISFIT = 2.5
+"""Scatter about a fit, in sigmas of the surface, from which it is the form of the surface."""
 FINE_AREA = "area of relief finer than the windows, which is lost, and of the mesh's own noise"
 FITS: dict[str, type[Feature]] = {
     "sphere": Sphere,
@@ -54,6 +56,8 @@ class Quantity:
     """what else is known of it, such as the form deviation of a fit, in world units"""
     missing: float = 0.0
     """share of an area or volume that has no surface and counts as nothing"""
+    remarks: tuple[str, ...] = ()
+    """sentences that must be read with the value"""
     not_assessed: tuple[str, ...] = ()
     """what moves this kind of value and is in no line of its budget"""
 
@@ -116,6 +120,17 @@ def fitted(kind: str, places: Places, what: str) -> tuple[Fit[Feature], dict[str
     return found, {"rms_deviation": found.rms, "peak_to_valley": found.peak_to_valley}
 
 
+def misfit(kind: str, found: Fit[Feature], places: Places) -> tuple[str, ...]:
+    """A remark where the surface departs from a feature by more than it is uncertain by."""
+    sigma = float(np.median(places.sigma))
+    if not found.scatter > MISFIT * sigma:
+        return ()
+    return (
+        f"the surface departs from the best {kind} by {found.scatter / sigma:.0f} times its sigma "
+        f"(rms_deviation): the value is that of the best {kind}, and depends on the region",
+    )
+
+
 def radius(kind: str, places: Places, what: str) -> Quantity:
     """Radius of a sphere, cylinder or circle; the last local parameter of each."""
     found, facts = fitted(kind, places, what)
@@ -127,6 +142,7 @@ def radius(kind: str, places: Places, what: str) -> Quantity:
         places=places.about_a_fit(found.scatter),
         dimension=1,
         facts=facts,
+        remarks=misfit(kind, found, places),
     )
 
 
@@ -144,6 +160,7 @@ def plane_angle(a: Places, b: Places, what: str) -> Quantity:
         places=Places.joined(a.about_a_fit(p.scatter), b.about_a_fit(q.scatter)),
         dimension=0,
         facts=facts,
+        remarks=misfit("plane", p, a) + misfit("plane", q, b),
     )
 
 
@@ -167,6 +184,7 @@ def point_to_plane(place: Places, region: Places, what: str) -> Quantity:
         places=Places.joined(place, region.about_a_fit(found.scatter)),
         dimension=1,
         facts=facts,
+        remarks=misfit("plane", found, region),
     )
 
 
@@ -295,6 +313,7 @@ def volume_above(region: Places, faces: Int, share: Float, base: Places, what: s
         places=Places.joined(region, base.about_a_fit(found.scatter)),
         dimension=3,
         facts={**facts, "projected_area": float(projected.sum())},
+        remarks=misfit("plane", found, base),
     )
 
 

@@ -50,6 +50,7 @@ def entry(one: Measurement, request: MeasurementRequest) -> dict[str, Any]:
         "expanded_uncertainty": one.expanded,
         "interval_95": list(one.interval),
         "facts": dict(one.facts),
+        "remarks": list(one.remarks),
         "budget": [
             {
                 "source": source.name,

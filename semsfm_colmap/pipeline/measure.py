@@ -76,6 +76,8 @@ def measure(
             reporter.warn(note)
         for one in (*found, *checks):
             reporter.say(sentence(one))
+            for remark in one.remarks:
+                reporter.warn(f"{one.name}: {remark}")
         reporter.say(f"{project.metrology / PAGE_FILE} has the budgets")
     return [*found, *checks]
 

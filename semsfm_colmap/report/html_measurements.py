@@ -109,6 +109,7 @@ def _one(k: int, one: Mapping[str, Any]) -> str:
         "source", "kind", "standard uncertainty of it", "sensitivity",
         f"contribution, {unit}", "share %",
     )  # fmt: skip
+    body += bullets(one["remarks"]) if one["remarks"] else ""
     body += table(heads, rows, text_columns=(0,))
     body += bullets(f"{name.replace('_', ' ')}: {number(v, 4)}" for name, v in one["facts"].items())
     if one.get("profile"):

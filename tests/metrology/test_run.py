@@ -251,3 +251,12 @@ def test_a_small_hole_is_in_the_budget_of_an_area(specimen):
     share = parts(found)["surface: holes of the region"] / found.value
     assert share == pytest.approx(16.0**2 / 200**2, rel=0.3)
     assert found.value == pytest.approx(200.0**2, rel=0.02)
+
+
+def test_a_surface_that_is_no_sphere_has_a_radius_with_a_remark(specimen, errors):
+    text = '[measurements]\nr = { sphere = { disc = "im_4.tif:500,500", radius_px = 150 } }\n'
+    assert one(specimen, errors, text).remarks == ()
+    x, y = np.meshgrid(np.linspace(-1, 1, 80), np.linspace(-1, 1, 80), indexing="ij")
+    waves = plate(specimen, 20.0 * np.sin(6 * x) * np.cos(5 * y) - 40.0 * (x**2 + y**2))
+    (remark,) = one(waves, errors_of(waves), text).remarks
+    assert "the surface departs from the best sphere by" in remark

@@ -20,6 +20,7 @@ def entry(name="width", unit="px", **more):
         "expanded_uncertainty": 0.98,
         "interval_95": [44.02, 45.98],
         "facts": {"rms_deviation": 0.123},
+        "remarks": ["read this"],
         "budget": [
             {
                 "source": "picking", "kind": "B", "size": 0.3, "size_unit": "px",
@@ -83,6 +84,7 @@ def test_the_page_is_well_formed_and_names_cannot_become_markup():
     assert "&lt;b&gt;width" in page
     assert 'class="absent"' in page  # the check that does not agree
     assert "<svg" in page
+    assert "read this" in page
 
 
 def test_without_a_scale_no_length_is_in_micrometres():
