@@ -59,6 +59,11 @@ def measure(
     from semsfm_colmap.metrology.record import plain
     from semsfm_colmap.metrology.run import measure as measure_specimen
 
+    options = options or MetrologyOptions()
+    if not 0.0 <= options.pixel_size_sigma < 1.0:
+        raise UsageError(
+            f"{options.pixel_size_sigma=:g} but expected a share from 0 to 1, such as 0.03 for 3 %"
+        )
     project = Project(Path(project_path))
     if not project.path.is_dir():
         raise UsageError(f"{project.path} is not a folder: give a project folder")
@@ -66,7 +71,7 @@ def measure(
     requests = read_requests(project, points, profile, scale_from)
     with locked(project):
         specimen = read_specimen(project)
-        errors = errors_of(project, specimen, options or MetrologyOptions())
+        errors = errors_of(project, specimen, options)
         found, checks = measure_specimen(specimen, errors, requests)
         notes = notes_of(specimen.model, requests)
         data = plain(specimen.model, requests, found, checks, notes)

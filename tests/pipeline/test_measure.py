@@ -8,6 +8,7 @@ import pytest
 import semsfm_colmap
 from semsfm_colmap.cli.main import main
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.metrology.options import MetrologyOptions
 from semsfm_colmap.pipeline.measure import read_specimen
 from semsfm_colmap.pipeline.project import Project
 
@@ -98,6 +99,11 @@ def test_a_number_of_places_that_measures_nothing_is_refused(project, picks):
         semsfm_colmap.measure(project, points=picks[:1])
     with pytest.raises(UsageError, match="--profile takes 2 places"):
         semsfm_colmap.measure(project, profile=picks[:1])
+
+
+def test_an_uncertainty_in_percent_is_refused(project, picks):
+    with pytest.raises(UsageError, match=r"pixel_size_sigma=3 but expected a share from 0 to 1"):
+        semsfm_colmap.measure(project, points=picks, options=MetrologyOptions(pixel_size_sigma=3.0))
 
 
 def test_what_another_program_made_is_not_overwritten(tmp_path):
