@@ -151,10 +151,10 @@ def _curve(rows: Sequence[Sequence[float]], unit: str) -> str:
     x = [row[0] for row in rows]
     top = max(row[1] + row[2] for row in rows)
     bottom = min(row[1] - row[2] for row in rows)
-    span, length = max(top - bottom, 1e-300), max(max(x) - min(x), 1e-300)
+    span, length = max(top - bottom, 1e-300), max(x[-1] - x[0], 1e-300)
 
     def place(along: float, z: float) -> str:
-        u = left + (width - left - 10.0) * (along - min(x)) / length
+        u = left + (width - left - 10.0) * (along - x[0]) / length
         v = 10.0 + (height - low - 10.0) * (top - z) / span
         return f"{u:.1f},{v:.1f}"
 
@@ -167,7 +167,7 @@ def _curve(rows: Sequence[Sequence[float]], unit: str) -> str:
         f'<polyline points="{line}" fill="none" stroke="#2b6cb0" stroke-width="1.5"/>'
         f'<text x="4" y="18" font-size="12">{text(number(top))}</text>'
         f'<text x="4" y="{height - low:g}" font-size="12">{text(number(bottom))}</text>'
-        f'<text x="{left:g}" y="{height - 8:g}" font-size="12">{text(number(min(x)))}</text>'
+        f'<text x="{left:g}" y="{height - 8:g}" font-size="12">0</text>'
         f'<text x="{width - 10:g}" y="{height - 8:g}" font-size="12" text-anchor="end">'
-        f"{text(number(max(x)))} {text(unit)}</text></svg>"
+        f"{text(number(x[-1]))} {text(unit)}</text></svg>"
     )
