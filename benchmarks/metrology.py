@@ -19,8 +19,10 @@ import numpy as np
 
 from benchmarks.tables import add_page_option, parser, put, table
 from semsfm_colmap.config import Config
+from semsfm_colmap.errors import InputError
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.io.atomic import write_json, write_text
+from semsfm_colmap.metrology.budget import Measurement
 from semsfm_colmap.metrology.options import MetrologyOptions
 from semsfm_colmap.pipeline.measure import measure
 from semsfm_colmap.pipeline.runner import run_stages
@@ -235,19 +237,37 @@ def one(home: Path, scene: SceneName, seed: int, *, again: bool) -> list[dict[st
     reconstructed(home, scene, seed)
     truth = json.loads((home / "series" / "truth.json").read_text())
     regions, wanted = expected(scene, truth["meta"], truth["unit_um"], Picker(home / "series"))
-    lines = ["[regions]", regions, "[measurements]"]
-    lines += [f'"{item.name}" = {item.request}' for item in wanted]
-    write_text("\n".join(lines) + "\n", home / "project" / "measurements.toml")
-    found = measure(home / "project", options=MetrologyOptions(pixel_size_sigma=0.0))
+    found = measured(home / "project", regions, wanted)
     rows = [
         {
             "scene": scene, "seed": seed, "name": item.name, "unit": got.unit, "true": item.true,
             "value": got.value, "sigma": got.sigma, "largest": got.sources[0].name,
         }
-        for item, got in zip(wanted, found, strict=True)
+        for item in wanted
+        if (got := found.get(item.name)) is not None
     ]  # fmt: skip
     write_json(rows, result)
     return rows
+
+
+def measured(project: Path, regions: str, wanted: list[Expected]) -> dict[str, Measurement]:
+    """What is measured, by name; a size that is refused, at a hole of the mesh, is left out."""
+    asked = list(wanted)
+    while asked:
+        lines = ["[regions]", regions, "[measurements]"]
+        lines += [f'"{item.name}" = {item.request}' for item in asked]
+        write_text("\n".join(lines) + "\n", project / "measurements.toml")
+        try:
+            found = measure(project, options=MetrologyOptions(pixel_size_sigma=0.0))
+        except InputError as error:
+            print(f"{project}: refused: {error}", flush=True)
+            left = [item for item in asked if not str(error).startswith(f"{item.name}:")]
+            if len(left) == len(asked):
+                raise
+            asked = left
+            continue
+        return {one.name: one for one in found}
+    return {}
 
 
 def statistics(rows: Sequence[dict[str, Any]]) -> tuple[float, float, float]:
