@@ -306,10 +306,23 @@ def fit(
 
 
 def robust_scatter(r: Float) -> float:
-    """Standard deviation of distances (K, C) by their median; nan for too few to tell."""
+    """Standard deviation that counts for a fit to distances (K, C); nan for too few to tell.
+
+    An estimate with the influence psi = w r has the variance ``E[psi^2] / E[psi']^2`` over the
+    number [Huber and Ronchetti 2009, section 3.2]; one whose weights are held has
+    ``s^2 E[w^2] / E[w]^2``. They agree, however long the tails, at
+
+        s = sqrt(E[psi^2] / E[w^2]) E[w] / E[psi'],    psi' = w^2 (1 - r^2 / c^2).
+    """
     if len(r) < MIN_SCATTER_POINTS:
         return float("nan")
-    return TO_SIGMA * float(np.sqrt(np.median(np.sum(r**2, axis=1)) / r.shape[1]))
+    s = np.sum(r**2, axis=1) / r.shape[1]
+    scale = TO_SIGMA**2 * float(np.median(s))
+    if scale <= 0.0:
+        return 0.0
+    w = weight("cauchy", s / scale, CAUCHY_TUNING)
+    slope = float(np.mean(w**2 * (1.0 - s / (scale * CAUCHY_TUNING**2))))
+    return float(np.sqrt(np.mean(w**2 * s) / np.mean(w**2)) * np.mean(w) / slope)
 
 
 def robust_weights(r: Float) -> Float:

@@ -126,6 +126,20 @@ def test_the_scatter_about_a_fit_is_that_of_the_points():
     assert fit(Plane, noisy, normals).scatter == pytest.approx(0.02, rel=0.08)
 
 
+def test_the_scatter_tells_how_a_robust_mean_scatters_whatever_its_tails():
+    rng = RNG(10)
+    for draw in (rng.normal, lambda size: rng.standard_t(3, size)):
+        heights, told = [], []
+        for _ in range(300):
+            points, normals = patch(Plane, 80, rng)
+            noisy = points + 0.01 * draw(size=(80, 1)) * normals
+            found = fit(Plane, noisy, normals)
+            middle = points.mean(axis=0) - found.feature.centre
+            heights.append(middle @ found.feature.normal)
+            told.append(found.scatter * np.linalg.norm(found.response[2]))
+        assert np.std(heights) == pytest.approx(np.mean(told), rel=0.15)
+
+
 def test_too_few_points_are_said():
     points, normals = patch(Sphere, 3, RNG(1))
     with pytest.raises(InputError, match="cap holds 3 points of the surface, but a sphere needs 4"):
