@@ -19,6 +19,11 @@ import numpy as np
 from semsfm_colmap.metrology.covariance import Errors, Source
 from semsfm_colmap.metrology.quantities import Quantity
 
+FOLDED = (
+    "within two standard uncertainties of 0 or 180 degrees, beyond which no angle goes: the true "
+    "one may well be 0 or 180, and the interval is not symmetric"
+)
+"""Remark on an angle that may be none."""
 COVERAGE_FACTOR = 1.96
 """k for 95 % of a normal distribution."""
 
@@ -94,6 +99,9 @@ def measurement(
         quantity = quantity.scaled(180.0 / np.pi)
     sources = tuple(errors.sources(quantity))
     sigma = standard_uncertainty(sources)
+    remarks = quantity.remarks
+    if quantity.dimension == 0 and min(quantity.value, 180.0 - quantity.value) < 2.0 * sigma:
+        remarks = (*remarks, FOLDED)
     check = None
     if known is not None:
         apart = quantity.value - known[0]
@@ -109,7 +117,7 @@ def measurement(
         sources=tuple(sorted(sources, key=lambda source: -source.contribution)),
         not_assessed=tuple(errors.not_assessed(quantity)),
         facts=quantity.facts,
-        remarks=quantity.remarks,
+        remarks=remarks,
         check=check,
         profile=profile,
     )

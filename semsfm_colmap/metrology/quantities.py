@@ -31,6 +31,8 @@ from semsfm_colmap.types import Float, Int
 
 NUM_REWEIGHTINGS = 20
 """Enough for the weights of a step's planes to settle to a part in 10^6 of the height."""
+PARALLEL = 1e-9
+"""Sine of the angle below which two directions are parallel to the last digits."""
 MISFIT = 2.5
 """Scatter about a fit, in sigmas of the surface, from which it is the form of the surface."""
 FINE_AREA = "area of relief finer than the windows, which is lost, and of the mesh's own noise"
@@ -108,9 +110,12 @@ def angle(a: Places, corner: Places, b: Places, what: str) -> Quantity:
 
 
 def _angle_gradient(p: Float, q: Float) -> tuple[Float, Float]:
-    """Gradients of the angle between unit vectors, across each."""
-    sine = max(float(np.linalg.norm(np.cross(p, q))), 1e-12)
+    """Gradients of the angle between unit vectors, across each; any such for parallel ones."""
     cosine = float(p @ q)
+    sine = float(np.linalg.norm(np.cross(p, q)))
+    if sine < PARALLEL:
+        e = across(p)[0]
+        return -e, np.copysign(1.0, cosine) * e
     return -(q - cosine * p) / sine, -(p - cosine * q) / sine
 
 

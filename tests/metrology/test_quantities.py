@@ -75,6 +75,15 @@ def test_a_place_twice_is_no_distance_and_no_angle():
         angle(a, a, b, "w")
 
 
+def test_the_angle_of_a_straight_line_is_not_certain():
+    a, b, c = on([1.0, 0, 0]), on([-2.0, 0, 0]), on([0.0, 0, 0])
+    straight = angle(a, c, b, "w")
+    assert straight.value == pytest.approx(np.pi)
+    bent = angle(on([1.0, 1e-3, 0]), c, b, "w")
+    size = np.linalg.norm(straight.gradient, axis=1)
+    np.testing.assert_allclose(size, np.linalg.norm(bent.gradient, axis=1), rtol=1e-3)
+
+
 def test_a_step_has_its_height_whatever_its_tilt_and_its_strays():
     low, high = on(SQUARE), on(SQUARE + np.array([10.0, 1.0, 2.5]))
     assert step_height(low, high, "s").value == pytest.approx(2.5)

@@ -260,3 +260,12 @@ def test_a_surface_that_is_no_sphere_has_a_radius_with_a_remark(specimen, errors
     waves = plate(specimen, 20.0 * np.sin(6 * x) * np.cos(5 * y) - 40.0 * (x**2 + y**2))
     (remark,) = one(waves, errors_of(waves), text).remarks
     assert "the surface departs from the best sphere by" in remark
+
+
+def test_an_angle_that_may_be_zero_has_a_remark(specimen):
+    flat = plate(specimen, np.zeros((80, 80)))
+    spot = '{{ disc = "im_4.tif:{},500", radius_px = 40 }}'
+    text = f"[measurements]\nw = {{ plane_angle = [{spot.format(450)}, {spot.format(550)}] }}\n"
+    found = one(flat, errors_of(flat), text)
+    assert found.value < 1e-6
+    assert any("the interval is not symmetric" in remark for remark in found.remarks)
