@@ -7,7 +7,7 @@ import pytest
 
 import semsfm_colmap
 from semsfm_colmap.cli.main import main
-from semsfm_colmap.errors import UsageError
+from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.metrology.options import MetrologyOptions
 from semsfm_colmap.pipeline.measure import read_specimen
 from semsfm_colmap.pipeline.project import Project
@@ -73,6 +73,27 @@ def test_a_run_repeats_what_the_file_asks_for(project, picks, capsys):
     assert [one.name for one in first] == ["width", "line"]
     assert [(one.value, one.sigma) for one in first] == [(one.value, one.sigma) for one in second]
     assert len(first[1].profile) == 5
+
+
+def test_a_part_of_the_segmentation_is_measured_by_its_name(project):
+    table = semsfm_colmap.segment_project(project)
+    part = table["parts"][0]
+    file = project / "measurements.toml"
+    file.write_text(f'[measurements]\nskin = {{ area = {{ label = "{part["name"]}" }} }}\n')
+    try:
+        (found,) = semsfm_colmap.measure(project)
+        file.write_text('[measurements]\nbody = { volume = { label = "wing" } }\n')
+        with pytest.raises(
+            InputError, match=f"no part is named wing: the parts are {part['name']}"
+        ):
+            semsfm_colmap.measure(project)
+        file.write_text(f'[measurements]\nb = {{ volume = {{ label = "{part["name"]}" }} }}\n')
+        with pytest.raises(InputError, match="encloses no volume"):
+            semsfm_colmap.measure(project)
+    finally:
+        file.unlink()
+    # faces across the border of the part count by their corners
+    assert found.value == pytest.approx(part["area"], rel=0.05)
 
 
 def test_a_known_length_sets_the_scale_and_it_is_said(project, picks):
