@@ -10,6 +10,7 @@ The public names, loaded when they are first used:
 - `measure_rotation`: the actuator that turned the specimen, as a goniometer
 - `compare_projects`: two surfaces of one specimen, before and after wear or etching
 - `height_map`: heights of a surface on a grid, with areal parameters and their uncertainties
+- `measure`: lengths, angles, radii, heights, areas, volumes, each with its uncertainty budget
 - `map_database`, `reconstruct_from_database`: from any COLMAP database
 - `mesh_colmap`: a mesh of any COLMAP folder
 - `export_project`, `adopt_model`, `read_pinhole_model`: to other programs and back
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.pipeline.foreign.mesh_colmap import mesh_colmap as mesh_colmap
     from semsfm_colmap.pipeline.goniometer import measure_rotation as measure_rotation
     from semsfm_colmap.pipeline.height_map import height_map as height_map
+    from semsfm_colmap.pipeline.measure import measure as measure
     from semsfm_colmap.pipeline.merge import merge_projects as merge_projects
     from semsfm_colmap.pipeline.plan import plan as plan
     from semsfm_colmap.pipeline.runner import reconstruct as reconstruct
@@ -68,6 +70,7 @@ _HOMES = {
     "load_truth": "evaluation.truth",
     "map_database": "pipeline.foreign.map_database",
     "map_observations": "mapping.parts",
+    "measure": "pipeline.measure",
     "measure_rotation": "pipeline.goniometer",
     "merge_projects": "pipeline.merge",
     "mesh_colmap": "pipeline.foreign.mesh_colmap",

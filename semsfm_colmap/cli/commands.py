@@ -71,6 +71,11 @@ COMMANDS: tuple[Command, ...] = (
         module="segment",
     ),
     Command(
+        name="measure",
+        help="lengths, angles, radii, heights, areas, volumes of the surface, with their budgets",
+        module="measure",
+    ),
+    Command(
         name="goniometer",
         help="how the specimen was turned: axis, angles, degrees per um of the actuator, drift",
         module="goniometer",

@@ -88,14 +88,19 @@ class Project:
         return self.path / layout.SEGMENTS_FOLDER
 
     @property
+    def cuts(self) -> Path:
+        """Cuts made by hand."""
+        return self.path / layout.CUTS_FILE
+
+    @property
     def metrology(self) -> Path:
         """What was measured on the surface."""
         return self.path / layout.METROLOGY_FOLDER
 
     @property
-    def cuts(self) -> Path:
-        """Cuts made by hand."""
-        return self.path / layout.CUTS_FILE
+    def measurements(self) -> Path:
+        """What to measure, made by hand."""
+        return self.path / layout.MEASUREMENTS_FILE
 
     def read_series(self) -> SemSeries:
         """The prepared series."""
