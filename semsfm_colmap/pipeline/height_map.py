@@ -284,7 +284,7 @@ def profile_data(
         "parameters": {
             name: {
                 "value": p.value if np.isfinite(p.value) else None,
-                "sigma": p.sigma if np.isfinite(p.value) else None,
+                "standard_uncertainty": p.sigma if np.isfinite(p.value) else None,
                 "unit": profile_unit(name, found.unit),
             }
             for name, p in measured.items()
@@ -382,8 +382,8 @@ def plain(
         "parameters": {
             name: {
                 "value": None if name in why else p.value,
-                "sigma": None if name in why else p.sigma,
-                "interval": None if name in why else list(p.interval),
+                "standard_uncertainty": None if name in why else p.sigma,
+                "interval_95": None if name in why else list(p.interval),
                 "unit": parameter_unit(name, found.unit),
                 "sources": {
                     source: "not assessed" if u is None else None if name in why else u

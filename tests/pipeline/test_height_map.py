@@ -73,7 +73,7 @@ def test_the_map_its_picture_and_the_parameters_are_written(project):
     Sq = data["parameters"]["Sq"]
     assert Sq["unit"] == "um"
     assert Sq["sources"]["scale"] == pytest.approx(0.03 * Sq["value"])
-    low, high = Sq["interval"]
+    low, high = Sq["interval_95"]
     assert low < Sq["value"] < high
     assert not list((project / "metrology").glob(".*"))
 
@@ -112,7 +112,7 @@ def test_a_line_drawn_in_an_image_has_profile_parameters(project):
     Pq = data["profile"]["parameters"]["Pq"]
     assert Pq["unit"] == "um"
     assert 0.0 < Pq["value"] < 3.0 * Z.std()
-    assert Pq["sigma"] >= 0.03 * Pq["value"]
+    assert Pq["standard_uncertainty"] >= 0.03 * Pq["value"]
     with pytest.raises(InputError, match="no cell at"):
         height_map(project, FEW, profile=(-500.0, y, x, y))
 
