@@ -2,7 +2,7 @@
 
 Matching windows, local planes and fusion average relief away. On rendered series with exact truth
 (docs/metrology_areal.md) the heights of a reconstruction are those of the truth behind a Gaussian
-filter of nesting index T = 19 px of the depth maps, give or take 1.8 px: the instrument transfer
+filter of nesting index T = 18.3 px of the depth maps, give or take 1.8 px: the instrument transfer
 function. Two Gaussian filters in turn are one whose index is the root of the sum of the squares, so
 the surface with the S-nesting index L asked for needs only what is missing,
 
@@ -29,10 +29,10 @@ from semsfm_colmap.metrology.filters import gaussian, robust_gaussian, support
 from semsfm_colmap.metrology.height_map import HeightMap, check_cells
 from semsfm_colmap.metrology.levelling import Form, level
 
-TRANSFER_PX = 19.0
+TRANSFER_PX = 18.3
 """T in px of the depth maps, for windows of 7 px: the mean over fields, a grain and spores."""
 TRANSFER_SIGMA_PX = 1.8
-"""Standard deviation of T between them: 20 px on small fields, 17 px on the others."""
+"""Standard deviation of T between them: 19.3 px on small fields, 16 px on the others."""
 TRANSFER_WINDOW_PX = 7
 """The window that T was measured with: T is taken to grow in proportion."""
 DEFAULT_RATIO = 2.0

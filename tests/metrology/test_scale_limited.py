@@ -4,6 +4,7 @@ import pytest
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.metrology.filters import gaussian
 from semsfm_colmap.metrology.scale_limited import (
+    TRANSFER_PX,
     Filtering,
     Transfer,
     check_filtering,
@@ -53,5 +54,5 @@ def test_an_l_filter_below_the_s_filter_or_beyond_the_map_is_refused():
 
 
 def test_the_transfer_grows_with_the_depth_maps_px_and_their_windows():
-    assert Transfer.of_depth_maps(0.5).nesting_index == pytest.approx(9.5)
-    assert Transfer.of_depth_maps(1.0, window_px=14).nesting_index == pytest.approx(38.0)
+    assert Transfer.of_depth_maps(0.5).nesting_index == pytest.approx(TRANSFER_PX / 2)
+    assert Transfer.of_depth_maps(1.0, window_px=14).nesting_index == pytest.approx(2 * TRANSFER_PX)

@@ -18,6 +18,7 @@ from semsfm_colmap.io.ply import read_ply_mesh, write_ply, write_ply_file
 from semsfm_colmap.metrology.files.registry import read_height_map
 from semsfm_colmap.metrology.height_map_options import HeightMapOptions
 from semsfm_colmap.metrology.levelling import level
+from semsfm_colmap.metrology.scale_limited import TRANSFER_PX
 from semsfm_colmap.pipeline.height_map import height_map
 from tests.exports.ball_project import UNIT, write_project
 from tests.metrology.surfaces import a_map, rough, sheet
@@ -84,8 +85,8 @@ def test_the_same_run_gives_the_same_numbers(project):
 
 def test_the_default_s_filter_is_twice_what_the_reconstruction_has_filtered_off(project):
     data = height_map(project, FEW)
-    assert data["transfer"]["nesting_index"] == pytest.approx(19.0 * PX, rel=1e-2)
-    assert data["filtering"]["s_index"] == pytest.approx(38.0 * PX, rel=1e-2)
+    assert data["transfer"]["nesting_index"] == pytest.approx(TRANSFER_PX * PX, rel=1e-2)
+    assert data["filtering"]["s_index"] == pytest.approx(2.0 * TRANSFER_PX * PX, rel=1e-2)
 
 
 def test_an_s_filter_below_what_was_averaged_away_is_refused(project):
@@ -152,10 +153,10 @@ def test_halves_of_the_frames_tell_the_noise(project):
     rows["difference"] = 2.0 * PX * rng.normal(size=len(rows))
     write_ply_file(project / "dense" / "half_series.ply", rows, comment="test")
     found = {c["symbol"]: c for c in height_map(project, FEW)["characteristics"]}
-    # white noise behind the S-filter, of 38 px on cells of 1.5 px
+    # white noise behind the S-filter, of 2 T on cells of 1.5 px
     from semsfm_colmap.metrology.parameter_uncertainty import unit_gain
 
-    expected = 2.0 * PX * unit_gain(38.0, 1.5) ** 2 / np.sqrt(2.0)
+    expected = 2.0 * PX * unit_gain(2.0 * TRANSFER_PX, 1.5) ** 2 / np.sqrt(2.0)
     assert found["N_M"]["value"] == pytest.approx(expected, rel=0.25)
     assert found["FRC 1/2"]["value"] > 0.0
 
