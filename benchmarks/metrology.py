@@ -22,8 +22,8 @@ from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.io.atomic import write_json, write_text
-from semsfm_colmap.metrology.budget import Measurement
-from semsfm_colmap.metrology.options import MetrologyOptions
+from semsfm_colmap.metrology.sizes.budget import Measurement
+from semsfm_colmap.metrology.sizes.options import MetrologyOptions
 from semsfm_colmap.pipeline.measure import measure
 from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.synthetic.options import SceneName, SynthesizeOptions

@@ -24,11 +24,11 @@ from semsfm_colmap.config import Config
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.geometry.alignment import align_cameras_both_hands
 from semsfm_colmap.io.ply import read_ply_mesh
-from semsfm_colmap.metrology.areal import areal_parameters
-from semsfm_colmap.metrology.characteristics import characteristics
-from semsfm_colmap.metrology.height_map import height_map_of_mesh, on_grid
-from semsfm_colmap.metrology.parameter_uncertainty import ErrorModel, measured_parameters
-from semsfm_colmap.metrology.scale_limited import Filtering, Transfer, scale_limited
+from semsfm_colmap.metrology.heights.areal import areal_parameters
+from semsfm_colmap.metrology.heights.characteristics import characteristics
+from semsfm_colmap.metrology.heights.height_map import height_map_of_mesh, on_grid
+from semsfm_colmap.metrology.heights.parameter_uncertainty import ErrorModel, measured_parameters
+from semsfm_colmap.metrology.heights.scale_limited import Filtering, Transfer, scale_limited
 from semsfm_colmap.pipeline.height_map import amplification_sigma, transfer_of
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.runner import run_stages

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from benchmarks.tables import add_page_option, parser, put, table
 from semsfm_colmap.io.atomic import write_text
-from semsfm_colmap.metrology.budget import Measurement
+from semsfm_colmap.metrology.sizes.budget import Measurement
 from semsfm_colmap.pipeline.measure import measure
 from semsfm_colmap.report.number_text import fixed, measured, number
 

@@ -25,7 +25,7 @@ MODULES = (
     "geometry.alignment",
     "geometry.epipolar",
     "geometry.rotations",
-    "metrology.request_file",
+    "metrology.sizes.request_file",
     "motion.order",
     "motion.readout",
     "pipeline.plan",

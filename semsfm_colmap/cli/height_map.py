@@ -9,7 +9,7 @@ from pathlib import Path
 import tyro
 
 from semsfm_colmap.cli.common import Quiet, parse, verbosity
-from semsfm_colmap.metrology.height_map_options import HeightMapOptions
+from semsfm_colmap.metrology.heights.height_map_options import HeightMapOptions
 
 DESCRIPTION = """Heights of a project's surface over its own plane, on a grid, with ISO 25178-2
 parameters, each with its uncertainty (docs/metrology_areal.md).

@@ -10,7 +10,7 @@ from typing import Annotated
 import tyro
 
 from semsfm_colmap.cli.common import Quiet, parse, positional_first, verbosity
-from semsfm_colmap.metrology.options import MetrologyOptions
+from semsfm_colmap.metrology.sizes.options import MetrologyOptions
 
 DESCRIPTION = """Measure a project's surface (docs/metrology.md). Distances, angles, radii, heights,
 areas and volumes of places and regions that PROJECT/measurements.toml names, each with its

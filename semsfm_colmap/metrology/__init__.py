@@ -1,1 +1,1 @@
-"""Measurement on reconstructed surfaces: height maps, filters, areal and profile parameters."""
+"""Measurement on reconstructed surfaces: sizes with budgets, height maps with areal parameters."""

@@ -11,8 +11,8 @@ from semsfm_colmap.io.atomic import folder_aside, write_bytes, write_json
 from semsfm_colmap.pipeline.project import Project
 
 if TYPE_CHECKING:
-    from semsfm_colmap.metrology.comparison import SurfaceComparison, Volume
-    from semsfm_colmap.metrology.region import Rectangle
+    from semsfm_colmap.metrology.heights.comparison import SurfaceComparison, Volume
+    from semsfm_colmap.metrology.heights.region import Rectangle
     from semsfm_colmap.pipeline.reporter import Reporter
     from semsfm_colmap.types import Reconstruction
 
@@ -57,9 +57,9 @@ def compare_projects(
         The units differ, the surfaces share no unchanged part, or a body is closed.
 
     """
-    from semsfm_colmap.metrology.comparison import compare_surfaces
-    from semsfm_colmap.metrology.files.registry import check_format, write_height_map
-    from semsfm_colmap.metrology.picture import difference_picture
+    from semsfm_colmap.metrology.heights.comparison import compare_surfaces
+    from semsfm_colmap.metrology.heights.files.registry import check_format, write_height_map
+    from semsfm_colmap.metrology.heights.picture import difference_picture
     from semsfm_colmap.pipeline.height_map import part_of_mesh, transfer_of
 
     formats = [check_format(name) for name in to]

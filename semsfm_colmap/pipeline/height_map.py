@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import write_bytes, write_json
-from semsfm_colmap.metrology.height_map_options import HeightMapOptions
+from semsfm_colmap.metrology.heights.height_map_options import HeightMapOptions
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 
 if TYPE_CHECKING:
-    from semsfm_colmap.metrology.characteristics import Characteristic
-    from semsfm_colmap.metrology.height_map import HeightMap
-    from semsfm_colmap.metrology.parameter_uncertainty import ErrorModel, MeasuredParameter
-    from semsfm_colmap.metrology.region import Rectangle
-    from semsfm_colmap.metrology.scale_limited import Filtering, Transfer
+    from semsfm_colmap.metrology.heights.characteristics import Characteristic
+    from semsfm_colmap.metrology.heights.height_map import HeightMap
+    from semsfm_colmap.metrology.heights.parameter_uncertainty import ErrorModel, MeasuredParameter
+    from semsfm_colmap.metrology.heights.region import Rectangle
+    from semsfm_colmap.metrology.heights.scale_limited import Filtering, Transfer
     from semsfm_colmap.pipeline.reporter import Reporter
     from semsfm_colmap.types import Reconstruction, TriangleMesh
 
@@ -55,7 +55,7 @@ def height_map(
     Parameters
     ----------
     project_path : the project folder, with a mesh
-    to : formats, of `metrology.files.registry`
+    to : formats, of `metrology.heights.files.registry`
     region : x0, y0, x1, y1 in px of an image: what is seen there alone
     region_image : its name; default: the first image of the model
     profile : x0, y0, x1, y1: the ends of a line in px of the same image, for ISO 21920-2
@@ -74,14 +74,14 @@ def height_map(
     """
     import numpy as np
 
-    from semsfm_colmap.metrology.areal import areal_parameters
-    from semsfm_colmap.metrology.characteristics import characteristics
-    from semsfm_colmap.metrology.files.registry import check_format
-    from semsfm_colmap.metrology.height_map import height_map_of_mesh
-    from semsfm_colmap.metrology.levelling import level
-    from semsfm_colmap.metrology.parameter_uncertainty import measured_parameters
-    from semsfm_colmap.metrology.picture import height_map_picture
-    from semsfm_colmap.metrology.scale_limited import check_filtering, scale_limited
+    from semsfm_colmap.metrology.heights.areal import areal_parameters
+    from semsfm_colmap.metrology.heights.characteristics import characteristics
+    from semsfm_colmap.metrology.heights.files.registry import check_format
+    from semsfm_colmap.metrology.heights.height_map import height_map_of_mesh
+    from semsfm_colmap.metrology.heights.levelling import level
+    from semsfm_colmap.metrology.heights.parameter_uncertainty import measured_parameters
+    from semsfm_colmap.metrology.heights.picture import height_map_picture
+    from semsfm_colmap.metrology.heights.scale_limited import check_filtering, scale_limited
 
     options = options or HeightMapOptions()
     formats = [check_format(name) for name in to]
@@ -132,7 +132,7 @@ def height_map(
 
 def write_formats(levelled: HeightMap, folder: Path, formats: Sequence[str]) -> None:
     """Write height_map.FORMAT; aside first, under a name with the ending that tells the format."""
-    from semsfm_colmap.metrology.files.registry import write_height_map
+    from semsfm_colmap.metrology.heights.files.registry import write_height_map
 
     folder.mkdir(exist_ok=True)
     for name in formats:
@@ -143,7 +143,7 @@ def write_formats(levelled: HeightMap, folder: Path, formats: Sequence[str]) -> 
 
 def errors_of(project: Project, model: Reconstruction, options: HeightMapOptions) -> ErrorModel:
     """What is known about the errors of the heights."""
-    from semsfm_colmap.metrology.parameter_uncertainty import ErrorModel
+    from semsfm_colmap.metrology.heights.parameter_uncertainty import ErrorModel
 
     return ErrorModel(
         transfer=transfer_of(project, model),
@@ -157,7 +157,7 @@ def part_of_mesh(
 ) -> TriangleMesh:
     """The mesh of a project, or what a rectangle of an image shows of it."""
     from semsfm_colmap.io.ply import read_ply_mesh
-    from semsfm_colmap.metrology.region import part_in_rectangle
+    from semsfm_colmap.metrology.heights.region import part_in_rectangle
 
     path = project.mesh / MESH_FILE
     if not path.is_file():
@@ -180,7 +180,7 @@ def image_index(model: Reconstruction, name: str | None) -> int:
 def transfer_of(project: Project, model: Reconstruction) -> Transfer:
     """What the reconstruction has filtered off, from the px of the depth maps and their windows."""
     from semsfm_colmap.config import Config, read_config
-    from semsfm_colmap.metrology.scale_limited import Transfer
+    from semsfm_colmap.metrology.heights.scale_limited import Transfer
     from semsfm_colmap.surface.half_series import fused_spacing
 
     config = read_config(project.config) if project.config.is_file() else Config()
@@ -190,7 +190,7 @@ def transfer_of(project: Project, model: Reconstruction) -> Transfer:
 
 def filtering_of(options: HeightMapOptions, transfer: Transfer) -> Filtering:
     """How the scale-limited surface is made, with the default S-filter of the reconstruction."""
-    from semsfm_colmap.metrology.scale_limited import Filtering
+    from semsfm_colmap.metrology.heights.scale_limited import Filtering
 
     return Filtering(
         s_index=transfer.default_s_index if options.s_filter is None else options.s_filter,
@@ -218,7 +218,7 @@ def halves_of(project: Project, like: HeightMap) -> tuple[HeightMap, HeightMap] 
     import numpy as np
 
     from semsfm_colmap.io.ply import read_ply_file
-    from semsfm_colmap.metrology.characteristics import height_map_of_points
+    from semsfm_colmap.metrology.heights.characteristics import height_map_of_points
 
     path = project.dense / HALVES_FILE
     if not path.is_file():
@@ -238,7 +238,7 @@ def profile_ends(
     found: HeightMap, model: Reconstruction, profile: Rectangle, image: str | None
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """The ends of a line, given in px of an image, on a map."""
-    from semsfm_colmap.metrology.region import place_in_map
+    from semsfm_colmap.metrology.heights.region import place_in_map
 
     x0, y0, x1, y1 = profile
     i = image_index(model, image)
@@ -256,8 +256,8 @@ def profile_data(
     """Parameters of a line of the scale-limited surface: R with an L-filter, P without."""
     import numpy as np
 
-    from semsfm_colmap.metrology.parameter_uncertainty import measured_parameters
-    from semsfm_colmap.metrology.profile import (
+    from semsfm_colmap.metrology.heights.parameter_uncertainty import measured_parameters
+    from semsfm_colmap.metrology.heights.profile import (
         LENGTHS,
         line_profile,
         profile_parameters,
@@ -305,7 +305,7 @@ def truth_map(path: Path, model: Reconstruction, like: HeightMap) -> HeightMap:
 
     from semsfm_colmap.evaluation.truth import load_truth
     from semsfm_colmap.geometry.alignment import align_cameras_both_hands
-    from semsfm_colmap.metrology.height_map import on_grid
+    from semsfm_colmap.metrology.heights.height_map import on_grid
     from semsfm_colmap.types import TriangleMesh
 
     truth = load_truth(path)
@@ -362,8 +362,8 @@ def plain(
     """The content of areal.json."""
     from dataclasses import asdict
 
-    from semsfm_colmap.metrology.areal import parameter_unit, undefined
-    from semsfm_colmap.metrology.parameter_uncertainty import SOURCES
+    from semsfm_colmap.metrology.heights.areal import parameter_unit, undefined
+    from semsfm_colmap.metrology.heights.parameter_uncertainty import SOURCES
 
     rows, columns = found.z.shape
     why = undefined({name: p.value for name, p in parameters.items()})
@@ -414,7 +414,7 @@ def say(
     notes: Sequence[str],
 ) -> None:
     """A few lines of the result."""
-    from semsfm_colmap.metrology.areal import parameter_unit
+    from semsfm_colmap.metrology.heights.areal import parameter_unit
 
     rows, columns = found.z.shape
     reporter.say(

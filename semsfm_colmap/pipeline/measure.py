@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.io.atomic import write_json, write_text
-from semsfm_colmap.metrology.options import MetrologyOptions
+from semsfm_colmap.metrology.sizes.options import MetrologyOptions
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 
 if TYPE_CHECKING:
-    from semsfm_colmap.metrology.budget import Measurement
-    from semsfm_colmap.metrology.covariance import Errors
-    from semsfm_colmap.metrology.requests import Requests
-    from semsfm_colmap.metrology.specimen import Specimen
+    from semsfm_colmap.metrology.sizes.budget import Measurement
+    from semsfm_colmap.metrology.sizes.covariance import Errors
+    from semsfm_colmap.metrology.sizes.requests import Requests
+    from semsfm_colmap.metrology.sizes.specimen import Specimen
     from semsfm_colmap.pipeline.reporter import Reporter
     from semsfm_colmap.records import Reliability
     from semsfm_colmap.types import Array, Reconstruction, TriangleMesh
@@ -56,8 +56,8 @@ def measure(
         What is asked for makes no sense, or is not there; in one sentence.
 
     """
-    from semsfm_colmap.metrology.record import plain
-    from semsfm_colmap.metrology.run import measure as measure_specimen
+    from semsfm_colmap.metrology.sizes.record import plain
+    from semsfm_colmap.metrology.sizes.run import measure as measure_specimen
 
     options = options or MetrologyOptions()
     if not 0.0 <= options.pixel_size_sigma < 1.0:
@@ -91,12 +91,12 @@ def read_requests(
     project: Project, points: Sequence[str], profile: Sequence[str], scale_from: str | None
 ) -> Requests:
     """What the file and the arguments ask for."""
-    from semsfm_colmap.metrology.request_file import (
+    from semsfm_colmap.metrology.sizes.request_file import (
         parse_known_length,
         parse_place,
         parse_requests,
     )
-    from semsfm_colmap.metrology.requests import MeasurementRequest, Requests
+    from semsfm_colmap.metrology.sizes.requests import MeasurementRequest, Requests
 
     asked = Requests()
     if project.measurements.is_file():
@@ -131,7 +131,7 @@ def read_requests(
 
 def read_specimen(project: Project) -> Specimen:
     """The model of a project with its surface, labels and masks, as far as they are there."""
-    from semsfm_colmap.metrology.specimen import Specimen
+    from semsfm_colmap.metrology.sizes.specimen import Specimen
     from semsfm_colmap.segmentation.names import MESH_FILE
 
     model = project.read_main_model()
@@ -193,8 +193,8 @@ def errors_of(project: Project, specimen: Specimen, options: MetrologyOptions) -
     from semsfm_colmap.colmap.model.sidecar import FILE_NAME, read_sidecar
     from semsfm_colmap.config import Config, read_config
     from semsfm_colmap.mapping.joint_covariance import joint_covariance
-    from semsfm_colmap.metrology.covariance import PICKING_PX, Errors, ScaleError
-    from semsfm_colmap.metrology.surface_error import surface_error
+    from semsfm_colmap.metrology.sizes.covariance import PICKING_PX, Errors, ScaleError
+    from semsfm_colmap.metrology.sizes.surface_error import surface_error
     from semsfm_colmap.records import Reliability, from_plain
 
     model, mesh = specimen.model, specimen.mesh
@@ -239,7 +239,7 @@ def notes_of(model: Reconstruction, requests: Requests) -> list[str]:
 
 def write(project: Project, specimen: Specimen, data: dict[str, Any]) -> None:
     """The files of a run."""
-    from semsfm_colmap.metrology.record import table
+    from semsfm_colmap.metrology.sizes.record import table
     from semsfm_colmap.report.html_measurements import measurements_page
 
     folder = project.metrology

@@ -13,7 +13,7 @@ from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.trust import uncertainty_of
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 from semsfm_colmap.types import OrthographicCameras
-from tests.metrology.builders import simulated_model
+from tests.metrology.sizes.builders import simulated_model
 
 OPTIONS = RefinementOptions()
 

@@ -14,10 +14,10 @@ from semsfm_colmap.cli.main import main
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.io.ply import read_ply_mesh, write_ply
-from semsfm_colmap.metrology.files.registry import read_height_map
+from semsfm_colmap.metrology.heights.files.registry import read_height_map
 from semsfm_colmap.pipeline.compare_surfaces import compare_projects
 from tests.exports.ball_project import UNIT, write_project
-from tests.metrology.surfaces import rough, sheet
+from tests.metrology.heights.surfaces import rough, sheet
 from tests.surface.scene import SCALE
 
 PX = UNIT / SCALE

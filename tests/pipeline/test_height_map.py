@@ -15,13 +15,13 @@ from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.io.ply import read_ply_mesh, write_ply, write_ply_file
-from semsfm_colmap.metrology.files.registry import read_height_map
-from semsfm_colmap.metrology.height_map_options import HeightMapOptions
-from semsfm_colmap.metrology.levelling import level
-from semsfm_colmap.metrology.scale_limited import TRANSFER_PX
+from semsfm_colmap.metrology.heights.files.registry import read_height_map
+from semsfm_colmap.metrology.heights.height_map_options import HeightMapOptions
+from semsfm_colmap.metrology.heights.levelling import level
+from semsfm_colmap.metrology.heights.scale_limited import TRANSFER_PX
 from semsfm_colmap.pipeline.height_map import height_map
 from tests.exports.ball_project import UNIT, write_project
-from tests.metrology.surfaces import a_map, rough, sheet
+from tests.metrology.heights.surfaces import a_map, rough, sheet
 from tests.surface.scene import RADIUS, SCALE
 
 PX = UNIT / SCALE
@@ -154,7 +154,7 @@ def test_halves_of_the_frames_tell_the_noise(project):
     write_ply_file(project / "dense" / "half_series.ply", rows, comment="test")
     found = {c["symbol"]: c for c in height_map(project, FEW)["characteristics"]}
     # white noise behind the S-filter, of 2 T on cells of 1.5 px
-    from semsfm_colmap.metrology.parameter_uncertainty import unit_gain
+    from semsfm_colmap.metrology.heights.parameter_uncertainty import unit_gain
 
     expected = 2.0 * PX * unit_gain(2.0 * TRANSFER_PX, 1.5) ** 2 / np.sqrt(2.0)
     assert found["N_M"]["value"] == pytest.approx(expected, rel=0.25)

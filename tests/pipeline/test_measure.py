@@ -8,7 +8,7 @@ import pytest
 import semsfm_colmap
 from semsfm_colmap.cli.main import main
 from semsfm_colmap.errors import InputError, UsageError
-from semsfm_colmap.metrology.options import MetrologyOptions
+from semsfm_colmap.metrology.sizes.options import MetrologyOptions
 from semsfm_colmap.pipeline.measure import read_specimen
 from semsfm_colmap.pipeline.project import Project
 
