@@ -8,6 +8,9 @@ The public names, loaded when they are first used:
 - `segment_project`: specimen and what holds it told apart
 - `plan`: how many images over which angle, or which angles to add to a project
 - `measure_rotation`: the actuator that turned the specimen, as a goniometer
+- `compare_projects`: two surfaces of one specimen, before and after wear or etching
+- `height_map`: heights of a surface on a grid, with areal parameters and their uncertainties
+- `measure`: lengths, angles, radii, heights, areas, volumes, each with its uncertainty budget
 - `map_database`, `reconstruct_from_database`: from any COLMAP database
 - `mesh_colmap`: a mesh of any COLMAP folder
 - `export_project`, `adopt_model`, `read_pinhole_model`: to other programs and back
@@ -38,6 +41,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.evaluation.truth import load_truth as load_truth
     from semsfm_colmap.mapping.parts import map_observations as map_observations
     from semsfm_colmap.pipeline.adopt import adopt_model as adopt_model
+    from semsfm_colmap.pipeline.compare_surfaces import compare_projects as compare_projects
     from semsfm_colmap.pipeline.export import export_project as export_project
     from semsfm_colmap.pipeline.foreign.import_database import (
         reconstruct_from_database as reconstruct_from_database,
@@ -45,6 +49,8 @@ if TYPE_CHECKING:
     from semsfm_colmap.pipeline.foreign.map_database import map_database as map_database
     from semsfm_colmap.pipeline.foreign.mesh_colmap import mesh_colmap as mesh_colmap
     from semsfm_colmap.pipeline.goniometer import measure_rotation as measure_rotation
+    from semsfm_colmap.pipeline.height_map import height_map as height_map
+    from semsfm_colmap.pipeline.measure import measure as measure
     from semsfm_colmap.pipeline.merge import merge_projects as merge_projects
     from semsfm_colmap.pipeline.plan import plan as plan
     from semsfm_colmap.pipeline.runner import reconstruct as reconstruct
@@ -57,11 +63,14 @@ _HOMES = {
     "Config": "config",
     "SynthesizeOptions": "synthetic.options",
     "adopt_model": "pipeline.adopt",
+    "compare_projects": "pipeline.compare_surfaces",
     "evaluate": "evaluation.compare",
     "export_project": "pipeline.export",
+    "height_map": "pipeline.height_map",
     "load_truth": "evaluation.truth",
     "map_database": "pipeline.foreign.map_database",
     "map_observations": "mapping.parts",
+    "measure": "pipeline.measure",
     "measure_rotation": "pipeline.goniometer",
     "merge_projects": "pipeline.merge",
     "mesh_colmap": "pipeline.foreign.mesh_colmap",

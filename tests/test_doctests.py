@@ -25,6 +25,7 @@ MODULES = (
     "geometry.alignment",
     "geometry.epipolar",
     "geometry.rotations",
+    "metrology.sizes.request_file",
     "motion.order",
     "motion.readout",
     "pipeline.plan",

@@ -71,9 +71,24 @@ COMMANDS: tuple[Command, ...] = (
         module="segment",
     ),
     Command(
+        name="measure",
+        help="lengths, angles, radii, heights, areas, volumes of the surface, with their budgets",
+        module="measure",
+    ),
+    Command(
         name="goniometer",
         help="how the specimen was turned: axis, angles, degrees per um of the actuator, drift",
         module="goniometer",
+    ),
+    Command(
+        name="heightmap",
+        help="heights of a surface on a grid, with ISO 25178 parameters and their uncertainties",
+        module="height_map",
+    ),
+    Command(
+        name="compare",
+        help="two surfaces of one specimen, before and after: what was lost, with its bounds",
+        module="compare_surfaces",
     ),
     Command(
         name="export",

@@ -14,6 +14,8 @@ MESH_FOLDER = "mesh"
 REPORT_FOLDER = "report"
 SEGMENTS_FOLDER = "segments"
 """Labelled copies of cloud, mesh and points, and masks of the specimen."""
+METROLOGY_FOLDER = "metrology"
+"""What was measured on the surface."""
 FOLDERS = (
     IMAGES_FOLDER,
     MASKS_FOLDER,
@@ -22,6 +24,7 @@ FOLDERS = (
     MESH_FOLDER,
     REPORT_FOLDER,
     SEGMENTS_FOLDER,
+    METROLOGY_FOLDER,
 )
 
 SERIES_FILE = "series.json"
@@ -34,6 +37,8 @@ RECORD_FILE = "run.json"
 """Versions, stage times, seeds, input hashes."""
 CUTS_FILE = "segments.toml"
 """Cuts made by hand."""
+MEASUREMENTS_FILE = "measurements.toml"
+"""What to measure, made by hand."""
 GONIOMETER_FILE = "goniometer.json"
 """How the specimen was turned, in the report's folder."""
 LOG_FILE = "semsfm.log"

@@ -50,9 +50,11 @@ def rotation_covariance(
     reliability : what mapping said of the model, where that is known
 
     """
-    refined = _as_refined(reconstruction, options)
+    refined = as_refined(reconstruction, options)
     height_px = reconstruction.image_size_px[:, 1].astype(np.float64)
-    found = uncertainty_of(refined, height_px, _displacement(reconstruction, options, reliability))
+    found = uncertainty_of(
+        refined, height_px, displacement_of(reconstruction, options, reliability)
+    )
     if found is None:
         return None
     rows = refined.adjustment.model.param_idx[:, :3].reshape(-1)
@@ -73,7 +75,7 @@ def angle_stretch(reliability: Reliability | None) -> float:
     return float(size) / reliability.total_rotation_deg
 
 
-def _displacement(
+def displacement_of(
     reconstruction: Reconstruction, options: RefinementOptions, reliability: Reliability | None
 ) -> Displacement:
     """What was taken out of the observations, with how well it is known."""
@@ -97,7 +99,7 @@ def _displacement(
     )
 
 
-def _as_refined(reconstruction: Reconstruction, options: RefinementOptions) -> Refined:
+def as_refined(reconstruction: Reconstruction, options: RefinementOptions) -> Refined:
     """The model as its adjustment left it: about a pixel a unit, with its points and residuals."""
     cameras = reconstruction.cameras
     px_per_unit = cameras.mean_scale_px_per_unit

@@ -92,6 +92,16 @@ class Project:
         """Cuts made by hand."""
         return self.path / layout.CUTS_FILE
 
+    @property
+    def metrology(self) -> Path:
+        """What was measured on the surface."""
+        return self.path / layout.METROLOGY_FOLDER
+
+    @property
+    def measurements(self) -> Path:
+        """What to measure, made by hand."""
+        return self.path / layout.MEASUREMENTS_FILE
+
     def read_series(self) -> SemSeries:
         """The prepared series."""
         from semsfm_colmap.ingest.series.file import read_series

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.geometry.perspective import Perspective
+from semsfm_colmap.geometry.scan_drift import without_drift
 from semsfm_colmap.records import DragFigures, PerspectiveFigures
 from semsfm_colmap.refinement.adjustment import BundleSettings, PoseModel
 from semsfm_colmap.refinement.bundle import adjust, plain_model
@@ -22,7 +23,7 @@ from semsfm_colmap.refinement.drag import (
 from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.perspective import PerspectiveModel
 from semsfm_colmap.refinement.refine import Refined
-from semsfm_colmap.refinement.scan_drift import ScanDriftModel, without_drift
+from semsfm_colmap.refinement.scan_drift import ScanDriftModel
 from semsfm_colmap.refinement.shading import (
     NUM_FIELDS,
     ShadingModel,

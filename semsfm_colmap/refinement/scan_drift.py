@@ -105,22 +105,6 @@ class ScanDriftModel:
         return np.concatenate([r, own]), sparse.csr_array(sparse.block_diag([J, eye]))
 
 
-def without_drift(xy: Float, drift: Float, height_px: Float) -> Float:
-    """Where a frame without drift would show what is seen at places (O, 2) px.
-
-    The inverse of the module's formula: first the row, then what it was displaced by.
-
-    Parameters
-    ----------
-    drift : (O, 2) px over the height of the frame of each place
-    height_px : (O,)
-
-    """
-    slope = drift / height_px[:, None]
-    from_middle = (xy[:, 1] - height_px / 2.0) / (1.0 + slope[:, 1])
-    return np.stack([xy[:, 0] - slope[:, 0] * from_middle, height_px / 2.0 + from_middle], axis=-1)
-
-
 def adjust_with_drift(
     cameras: OrthographicCameras,
     observations: Observations,

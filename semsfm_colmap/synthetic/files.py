@@ -56,8 +56,9 @@ def write_image(
 
     extratags = []
     if options.zeiss_header:
-        # Only the field is tilted by the stage; the others are turned by what holds them.
-        tilt = float(motion.nominal_deg[image_idx]) if options.scene == "field" else 0.0
+        # What is not a sheet is turned by what holds it, not by the stage.
+        tilted = SCENE_DEFAULTS[options.scene].tilted
+        tilt = float(motion.nominal_deg[image_idx]) if tilted else 0.0
         height, width = pixels.shape
         header = cz_sem_header(text, width=width, height=height, tilt_deg=tilt, file_name=path.name)
         extratags = [(CZ_SEM_TAG, tifffile.DATATYPE.ASCII, len(header), header, True)]

@@ -27,6 +27,22 @@ class SceneDefaults:
     centre: tuple[float, float]
     """Where the origin of the scene appears, as a fraction of the image area"""
     unit_um: float
+    tilted: bool = False
+    """Whether it is a sheet that the stage tilts: it fills the frame whatever its shape"""
+
+
+def plate(num_images: int) -> SceneDefaults:
+    """A shape on a plate."""
+    return SceneDefaults(
+        num_images=num_images,
+        range_deg=60.0,
+        centred=True,
+        rotation_axis="x",
+        half_extent=(1.6, 1.2),
+        centre=(0.5, 0.5),
+        unit_um=2.5,
+        tilted=True,
+    )
 
 
 SCENE_DEFAULTS = {
@@ -47,6 +63,7 @@ SCENE_DEFAULTS = {
         half_extent=(1.5, 1.5),
         centre=(0.5, 0.5),
         unit_um=20.0,
+        tilted=True,
     ),
     "clump": SceneDefaults(
         num_images=72,
@@ -57,6 +74,10 @@ SCENE_DEFAULTS = {
         centre=(0.46, 0.5),
         unit_um=4.0,
     ),
+    "cap": plate(10),
+    "step": plate(20),
+    "pyramid": plate(10),
+    "cylinder": plate(10),
 }
 
 DRIFT_MEMORY = 0.85
@@ -127,7 +148,7 @@ def nominal_scale(options: SynthesizeOptions) -> float:
     """Magnification in px per scene unit."""
     half_x, half_y = SCENE_DEFAULTS[options.scene].half_extent
     fit = min(0.5 * options.width_px / half_x, 0.5 * image_rows(options) / half_y)
-    if options.scene == "field":  # fills the frame whatever its shape
+    if SCENE_DEFAULTS[options.scene].tilted:
         fit = 0.5 * image_rows(options) / half_y
     if options.zoom <= 0:
         raise UsageError(f"{options.zoom=} but expected a positive factor.")

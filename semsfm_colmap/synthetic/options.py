@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-SceneName = Literal["grain", "field", "clump"]
+SceneName = Literal["grain", "field", "clump", "cap", "step", "pyramid", "cylinder"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +17,8 @@ class SynthesizeOptions:
 
     scene: SceneName = "grain"
     """A spiny pollen grain on a stalk, a rough electroplated field that fills the frame and is
-    tilted, or a clump of spores on a helical ribbon that turns it."""
+    tilted, a clump of spores on a helical ribbon that turns it, or a shape of exactly known sizes
+    on a plate that is tilted: the cap of a sphere, a step of 2 um, a pyramid, a rod."""
     seed: int = 7
     """Seed of the specimen, the motion and the noise: the same seed gives the same bytes."""
     series_seed: int | None = None
@@ -28,15 +29,17 @@ class SynthesizeOptions:
     one specimen that differ by 90 turn it about perpendicular axes."""
 
     num_images: int | None = None
-    """Number of images; default: grain 48, field 13, clump 72."""
+    """Number of images; default: grain 48, clump 72, step 20, other shapes 10, field 13."""
     range_deg: float | None = None
-    """Angle between the first and the last image; default: grain 180, field 60, clump 355."""
+    """Angle between the first and the last image; default: grain 180, clump 355, field and
+    shapes 60."""
     step_deg: float | None = None
     """Angle between consecutive images, instead of range_deg."""
     start_deg: float | None = None
-    """Angle of the first image; default: grain and clump 0, field half the range below 0."""
+    """Angle of the first image; default: grain and clump 0, field and shapes half the range
+    below 0."""
     rotation_axis: Literal["x", "y"] | None = None
-    """Image axis nearest to the axis of rotation; default: grain y, field and clump x."""
+    """Image axis nearest to the axis of rotation; default: grain y, others x."""
     axis_error_deg: float = 1.0
     """Standard deviation of the angle between the axis of rotation and that image axis."""
     step_error_deg: float = 0.1

@@ -48,7 +48,13 @@ def synthesize(
     from semsfm_colmap.synthetic.databar import BarText, draw_databar
     from semsfm_colmap.synthetic.detector import expose, exposure_of
     from semsfm_colmap.synthetic.files import prepare_folder, write_image, write_truth
-    from semsfm_colmap.synthetic.motion import image_rows, make_motion, random_streams, view_of
+    from semsfm_colmap.synthetic.motion import (
+        SCENE_DEFAULTS,
+        image_rows,
+        make_motion,
+        random_streams,
+        view_of,
+    )
     from semsfm_colmap.synthetic.render import make_renderer
     from semsfm_colmap.synthetic.scenes import build_specimen
 
@@ -68,7 +74,7 @@ def synthesize(
         pixel_size_um=motion.unit_um / float(scale.mean()),
         beam_energy_kev=BEAM_ENERGY_KEV,
         working_distance_mm=WORKING_DISTANCE_MM,
-        angle_name="tilt" if options.scene == "field" else "rot",
+        angle_name="tilt" if SCENE_DEFAULTS[options.scene].tilted else "rot",
     )
     num = len(motion.cameras)
     rows = image_rows(options)

@@ -3,10 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from semsfm_colmap.geometry.scan_drift import without_drift
 from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import BundleModel
 from semsfm_colmap.refinement.model_choice import DRIFT_RUNG, compare_models
-from semsfm_colmap.refinement.scan_drift import ScanDriftModel, adjust_with_drift, without_drift
+from semsfm_colmap.refinement.scan_drift import ScanDriftModel, adjust_with_drift
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 from tests.alignment import best_hand_errors_deg
 from tests.oracles.geometry import numeric_jacobian

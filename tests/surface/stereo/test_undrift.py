@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from semsfm_colmap.refinement.scan_drift import without_drift as places_without_drift
+from semsfm_colmap.geometry.scan_drift import without_drift as places_without_drift
 from semsfm_colmap.surface.stereo.rasters import raster_reader
 from semsfm_colmap.surface.stereo.undrift import drift_of, drifted, without_drift
 from semsfm_colmap.types import Array, Float

@@ -1,0 +1,1 @@
+"""Measurement on reconstructed surfaces: sizes with budgets, height maps with areal parameters."""

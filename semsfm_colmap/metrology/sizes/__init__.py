@@ -1,0 +1,1 @@
+"""Sizes of the surface: places, features, fits, and their uncertainty budgets."""
