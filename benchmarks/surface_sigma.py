@@ -25,6 +25,7 @@ from semsfm_colmap.errors import InputError
 from semsfm_colmap.evaluation.distance import Surface
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.geometry.alignment import align_cameras_both_hands
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.io.ply import read_ply_cloud, read_ply_mesh
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.runner import run_stages
@@ -32,7 +33,6 @@ from semsfm_colmap.types import Float
 
 COMMAND = "surface_sigma"
 STAGES = ("ingest", "extract", "match", "map", "densify", "mesh")
-TO_SIGMA = 1.4826
 ONE_SIGMA = 0.6827
 TENTH = 0.1
 """Vertices that are compared with those at the other end of the sigmas."""
@@ -87,7 +87,7 @@ def judged(project: Path, series: Path) -> dict[str, Any]:
 def scales(error: Float, sigma: Float) -> tuple[float, float]:
     """Robust scale of error / sigma from the median, and from the 68 % quantile."""
     pull = np.abs(error / sigma)
-    return float(TO_SIGMA * np.median(pull)), float(np.quantile(pull, ONE_SIGMA))
+    return float(MAD_TO_SIGMA * np.median(pull)), float(np.quantile(pull, ONE_SIGMA))
 
 
 def one(series: Series, folder: Path, *, again: bool, num_threads: int) -> dict[str, Any]:
@@ -112,7 +112,7 @@ def row(name: str, d: dict[str, Any]) -> list[str]:
     size = np.abs(error)
     low, high = np.quantile(sigma, [TENTH, 1.0 - TENTH])
     tenths = [
-        f"{np.median(sigma[some]):.2f}, {TO_SIGMA * np.median(size[some]):.2f}"
+        f"{np.median(sigma[some]):.2f}, {MAD_TO_SIGMA * np.median(size[some]):.2f}"
         for some in (sigma >= high, sigma <= low)
     ]
     return [
@@ -146,7 +146,7 @@ def octaves(found: Sequence[dict[str, Any]]) -> str:
         below = np.cumsum(weight[inside][order]) / weight[inside].sum()
         median, p68 = (float(pull[order][np.searchsorted(below, q)]) for q in (0.5, ONE_SIGMA))
         cells = (f"{2.0**k:g} to {2.0 ** (k + 1):g}", f"{100 * share:.1f} %")
-        rows.append([*cells, f"{TO_SIGMA * median:.2f}", f"{p68:.2f}"])
+        rows.append([*cells, f"{MAD_TO_SIGMA * median:.2f}", f"{p68:.2f}"])
     return table(("sigma px", "share", "scale of error / sigma", "68 %"), rows)
 
 

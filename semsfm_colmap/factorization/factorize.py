@@ -16,6 +16,7 @@ from semsfm_colmap.factorization.polish import polish_affine
 from semsfm_colmap.factorization.segments import Segment, cut_into_segments, join_segments
 from semsfm_colmap.factorization.upgrade import upgrade_to_euclidean
 from semsfm_colmap.geometry.eliminated import SolverOptions
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.geometry.points import residuals, solve_points, track_pointer
 from semsfm_colmap.geometry.subset import keep_tracks, take_subset, thin_evenly
 from semsfm_colmap.geometry.triangulation import triangulate_tracks
@@ -51,7 +52,7 @@ class Factorized:
 
 def robust_sigma(r: Float) -> float:
     """Standard deviation of residuals from their median absolute deviation."""
-    return float(1.4826 * np.median(np.abs(r - np.median(r)))) if r.size else 0.0
+    return float(MAD_TO_SIGMA * np.median(np.abs(r - np.median(r)))) if r.size else 0.0
 
 
 def factorize(

@@ -17,6 +17,8 @@ from semsfm_colmap.types import Float
 LossName = Literal["squared", "huber", "cauchy"]
 HUBER_TUNING = 1.345
 """Width of Huber's loss in one coordinate: 95 % efficiency on Gaussian errors [Huber 1964]."""
+MAD_TO_SIGMA = 1.4826
+"""Standard deviation of Gaussian errors over the median of their absolute values."""
 
 
 def loss(name: LossName, s: Float, width: float) -> Float:

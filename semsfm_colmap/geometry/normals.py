@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.types import Bool, Float, Int, Reconstruction
 
 _CHUNK = 50_000
@@ -115,7 +116,7 @@ def statistical_inliers(points: Float, num_neighbors: int, max_sigma: float) -> 
     distance, _ = nearest_neighbors(points, num_neighbors)
     log_mean = np.log(np.maximum(distance.mean(axis=1), np.finfo(float).tiny))
     median = np.median(log_mean)
-    sigma = 1.4826 * np.median(np.abs(log_mean - median))
+    sigma = MAD_TO_SIGMA * np.median(np.abs(log_mean - median))
     return np.asarray(log_mean <= median + max_sigma * max(float(sigma), 1e-3))
 
 

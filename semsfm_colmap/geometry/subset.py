@@ -21,6 +21,11 @@ def new_numbers(kept: Array, total: int) -> Int:
     return number
 
 
+def spread_over(length: int, most: int) -> Int:
+    """At most so many of the numbers below `length`, evenly, the first and the last among them."""
+    return np.unique(np.linspace(0, length - 1, min(most, length)).astype(np.int64))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Subset:
     """A part of a series: image k of it is image ``images[k]`` of the whole, and so with tracks."""

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.geometry.rotations import rotation_angle, wrapped
 from semsfm_colmap.types import Float
 
@@ -92,7 +93,7 @@ def fit_axis(cam_from_world: Float) -> AxisRotation | None:
         if converged:
             break
         offset = np.linalg.norm(R @ axis_world - axis_camera, axis=1)
-        spread = max(1.4826 * float(np.median(offset)), MIN_ROTATION_RAD)
+        spread = max(MAD_TO_SIGMA * float(np.median(offset)), MIN_ROTATION_RAD)
         weight = 1.0 / (1.0 + (offset / (CAUCHY_TUNING * spread)) ** 2)
     S = frame_with_third_axis(axis_camera).T @ R @ frame_with_third_axis(axis_world)
     phi = np.unwrap(np.arctan2(S[:, 1, 0] - S[:, 0, 1], S[:, 0, 0] + S[:, 1, 1]))

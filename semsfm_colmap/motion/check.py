@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semsfm_colmap.geometry import losses
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.io.wording import abbreviate
 from semsfm_colmap.motion.axis import AxisRotation, fit_axis
 from semsfm_colmap.motion.prior import MIN_RANGE_DEG, TiltPrior, known_tilts
@@ -80,7 +81,7 @@ def check_tilt(prior: TiltPrior, image_names: Sequence[str], cam_from_world: Flo
     tolerance = tilt_tolerance(range_rad, factor_sigma)
     consistent = abs(abs(line.slope) - 1) <= tolerance
     off = np.abs(line.residual_rad)
-    limit = np.maximum(MAX_ROUGHNESS * sigma, 3 * 1.4826 * float(np.median(off)))
+    limit = np.maximum(MAX_ROUGHNESS * sigma, 3 * MAD_TO_SIGMA * float(np.median(off)))
     outliers = tuple(image_names[k] for k in np.flatnonzero(rows)[off > limit])
     if consistent:
         message = (
@@ -119,7 +120,7 @@ def tilt_line(known_rad: Float, seen_rad: Float) -> TiltLine | None:
         slope = float(np.sum(weight * (x - mx) * (y - my)) / np.sum(weight * (x - mx) ** 2))
         offset = float(my - slope * mx)
         residual = y - slope * x - offset
-        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
+        scale = max(MAD_TO_SIGMA * float(np.median(np.abs(residual))), 1e-9)
         weight = losses.weight("huber", (residual / scale) ** 2, losses.HUBER_TUNING)
     return TiltLine(slope=slope, residual_rad=y - slope * x - offset)
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.motion.axis import AxisRotation, fit_axis
 from semsfm_colmap.motion.order import is_in_order, order_by_angle
 from semsfm_colmap.motion.path import SpecimenPath, specimen_path
@@ -243,7 +244,7 @@ def _axis_errors(R: Float, series: AxisRotation, covariance: Float | None) -> _A
         blocks = np.einsum("ap,iajb,bq->ipjq", E, covariance.reshape(M, 3, M, 3), E)
         joint = blocks.reshape(2 * M, 2 * M)
     freedom = max(2 * M - 4, 1)
-    scatter = 1.4826 * float(np.median(np.abs(rest @ said))) * math.sqrt(2 * M / freedom)
+    scatter = MAD_TO_SIGMA * float(np.median(np.abs(rest @ said))) * math.sqrt(2 * M / freedom)
     left = np.sum((rest @ joint) * rest, axis=1)
     wobble = max(scatter**2 - float(left.sum()) / freedom, 0.0)
     camera, world = K[:2], turned[0] @ K[2:]

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.io.wording import abbreviate
 from semsfm_colmap.motion.belt import unit_doubt
 from semsfm_colmap.motion.goniometer import Goniometer, Readout
@@ -119,7 +120,7 @@ def _steps(found: Goniometer, names: Sequence[str]) -> StepFigures:
     worst = int(np.argmax(np.abs(apart)))
     return StepFigures(
         median_deg=median,
-        scatter_deg=1.4826 * float(np.median(np.abs(apart))),
+        scatter_deg=MAD_TO_SIGMA * float(np.median(np.abs(apart))),
         largest_departure_deg=float(apart[worst]),
         largest_departure_image=names[worst + 1],
     )

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semsfm_colmap.geometry import losses
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.geometry.rotations import wrapped
 from semsfm_colmap.types import Bool, Float, Int
 
@@ -186,7 +187,7 @@ def _fit(A: Float, y: Float, C: Float) -> _Fit:
     for _ in range(MAX_ITERATIONS):
         L = np.linalg.solve((A.T * weight) @ A, A.T * weight)
         r = y - A @ (L @ y)
-        width = 1.4826 * float(np.median(np.abs(r))) * math.sqrt(K / (K - p))
+        width = MAD_TO_SIGMA * float(np.median(np.abs(r))) * math.sqrt(K / (K - p))
         before = weight
         weight = losses.weight("huber", (r / max(width, EXACT_RAD)) ** 2, losses.HUBER_TUNING)
         if np.max(np.abs(weight - before)) < 1e-6:

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.types import Float, Reconstruction
-
-MAD_TO_SIGMA = 1.4826
-"""Median absolute deviation to standard deviation of a Gaussian."""
 
 
 @dataclass(frozen=True, kw_only=True)

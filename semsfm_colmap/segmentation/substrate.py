@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.segmentation.options import SegmentationOptions
 from semsfm_colmap.segmentation.patches import connected_patches
 from semsfm_colmap.types import Bool, Float
@@ -116,6 +117,6 @@ def _fit(basis: Float, z: Float, rows: Bool) -> tuple[Float, float]:
         root = np.sqrt(weight)
         q = np.linalg.lstsq(root[:, None] * basis[rows], root * z[rows], rcond=None)[0]
         off = z[rows] - basis[rows] @ q
-        sigma = 1.4826 * float(np.median(np.abs(off))) + 1e-300
+        sigma = MAD_TO_SIGMA * float(np.median(np.abs(off))) + 1e-300
         weight = 1.0 / (1.0 + (off / (CAUCHY_TUNING * sigma)) ** 2)
     return np.asarray(z - basis @ q), sigma

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semsfm_colmap.geometry.alignment import Similarity
+from semsfm_colmap.geometry.subset import spread_over
 from semsfm_colmap.types import Float, Int, OrthographicCameras, Solution
 
 NUM_IMAGES = 8
@@ -47,7 +48,7 @@ World = tuple[WorldCamera, ...]
 
 def world_of(names: Sequence[str], cameras: OrthographicCameras) -> World:
     """The world of a model."""
-    rows = np.unique(np.linspace(0, len(names) - 1, min(len(names), NUM_IMAGES)).astype(np.int64))
+    rows = spread_over(len(names), NUM_IMAGES)
     return tuple(
         WorldCamera(
             image=names[i],

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.geometry.subset import take_subset
 from semsfm_colmap.records import SurfaceHalves
 from semsfm_colmap.surface.options import SurfaceOptions
@@ -31,8 +32,6 @@ MIN_AGREEMENT = 0.5
 """Least cosine between two normals: the other side of something thin is not asked."""
 MAX_GAP = 4.0
 """Surfaces farther apart along the normal, in spacings, are different ones."""
-TO_SIGMA = 1.4826
-"""From the median absolute value of a normal distribution to its standard deviation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,7 +63,7 @@ class HalfDifference:
     @property
     def robust(self) -> float:
         """The same from the median, which strays do not move."""
-        return float(TO_SIGMA * np.median(np.abs(self.difference[self.compared])))
+        return float(MAD_TO_SIGMA * np.median(np.abs(self.difference[self.compared])))
 
     @property
     def expected(self) -> float:
@@ -75,7 +74,7 @@ class HalfDifference:
     def ratio(self) -> float:
         """The module's ratio."""
         pull = self.difference[self.compared] / self.sigma[self.compared]
-        return float(TO_SIGMA * np.median(np.abs(pull)))
+        return float(MAD_TO_SIGMA * np.median(np.abs(pull)))
 
 
 def figures(found: HalfDifference, num_even: int, px: float) -> SurfaceHalves | None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.ingest.inspect.overlap import Overlap, ReducedFeatures, find_overlap
 from semsfm_colmap.types import Float
 
@@ -82,7 +83,7 @@ def _sticking_out(steps: Float) -> list[float]:
         if len(others) < MIN_OTHER_STEPS:
             continue
         level = float(np.median(others))
-        limit = max(SHEAR, SHEAR_SPREAD * 1.4826 * float(np.median(np.abs(others - level))))
+        limit = max(SHEAR, SHEAR_SPREAD * MAD_TO_SIGMA * float(np.median(np.abs(others - level))))
         before, after = (float(v) - level for v in (steps[max(i - 1, 0)], steps[min(i, count - 1)]))
         if 0 < i < count:
             if before * after < 0 and min(abs(before), abs(after)) > limit:

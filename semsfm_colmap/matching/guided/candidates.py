@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.matching.guided.predict import References, Seeds
 from semsfm_colmap.types import Float, Int, Observations, OrthographicCameras
 
@@ -150,7 +151,7 @@ def interpolated(
     )
     middle = np.median(depth, axis=1)
     scale = float(np.linalg.norm(cameras.projection[image, 0]))
-    robust = 1.4826 * np.median(np.abs(depth - middle[:, None]), axis=1) * scale
+    robust = MAD_TO_SIGMA * np.median(np.abs(depth - middle[:, None]), axis=1) * scale
     reached = np.asarray(distance)[:, -1] < MAX_NEIGHBOR_DISTANCE_PX
     spread[reached] = robust[reached]
     normal = known_normals[idx].mean(axis=1)

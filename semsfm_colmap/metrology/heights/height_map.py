@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
-from semsfm_colmap.geometry.losses import HUBER_TUNING, weight
+from semsfm_colmap.geometry.losses import HUBER_TUNING, MAD_TO_SIGMA, weight
 from semsfm_colmap.geometry.mesh_normals import face_normals
 from semsfm_colmap.types import Bool, Float, Int, TriangleMesh, _Frozen
 
@@ -29,8 +29,6 @@ MIN_COSINE = 0.1
 """Least cosine of a slope by which an error along the normal is divided: beyond, 84 degrees, a
 height says nothing of the place of a wall."""
 NUM_REWEIGHTINGS = 20
-TO_SIGMA = 1.4826
-"""From the median absolute value of a normal distribution to its standard deviation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -224,7 +222,7 @@ def reference_normal(points: Float, normals: Float) -> Float:
         away = points - centre
         up = np.linalg.eigh((weights[:, None] * away).T @ away)[1][:, 0]
         distance = away @ up
-        scale = TO_SIGMA * np.median(np.abs(distance))
+        scale = MAD_TO_SIGMA * np.median(np.abs(distance))
         if not scale > 0.0:
             break
         weights = weight("huber", (distance / scale) ** 2, HUBER_TUNING)

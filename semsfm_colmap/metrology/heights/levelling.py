@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
-from semsfm_colmap.geometry.losses import HUBER_TUNING, weight
-from semsfm_colmap.metrology.heights.height_map import NUM_REWEIGHTINGS, TO_SIGMA, HeightMap
+from semsfm_colmap.geometry.losses import HUBER_TUNING, MAD_TO_SIGMA, weight
+from semsfm_colmap.metrology.heights.height_map import NUM_REWEIGHTINGS, HeightMap
 from semsfm_colmap.types import Float
 
 Form = Literal["none", "plane", "polynomial", "sphere"]
@@ -90,7 +90,7 @@ def _robust(columns: Float, z: Float) -> Float:
         if rank < columns.shape[1]:
             raise InputError("The measured cells do not decide the form: take a simpler one.")
         residual = z - columns @ found
-        scale = TO_SIGMA * float(np.median(np.abs(residual)))
+        scale = MAD_TO_SIGMA * float(np.median(np.abs(residual)))
         if not scale > 0.0 or abs(scale - before) <= SETTLED * scale:
             break
         before = scale

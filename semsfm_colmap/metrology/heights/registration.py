@@ -19,10 +19,11 @@ from scipy.spatial import cKDTree
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.alignment import Similarity
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.metrology.heights.coarse_registration import MIN_OVERLAP, starts
-from semsfm_colmap.metrology.heights.height_map import TO_SIGMA, seen_faces
+from semsfm_colmap.metrology.heights.height_map import seen_faces
 from semsfm_colmap.types import Float, TriangleMesh
 
 NUM_COARSE, NUM_FINE = 1500, 20_000
@@ -207,7 +208,7 @@ def judged(
             f"{100 * MIN_UNCHANGED:.0f} % are needed: nothing tells how they lie to one another; "
             "compare surfaces that have an unchanged part in common."
         )
-    robust = TO_SIGMA * float(np.median(np.abs(along[inside] / spread[inside])))
+    robust = MAD_TO_SIGMA * float(np.median(np.abs(along[inside] / spread[inside])))
     scale = max(robust, MIN_ERROR_SCALE)
     J = plane_jacobian(placed - base.centre, normals)[inside]
     J = J if with_scale else J[:, :6]

@@ -24,7 +24,7 @@ from typing import Generic, Self, TypeVar
 import numpy as np
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.geometry.losses import weight
+from semsfm_colmap.geometry.losses import MAD_TO_SIGMA, weight
 from semsfm_colmap.types import Float
 
 MAX_ITERATIONS = 50
@@ -32,7 +32,6 @@ STEP_TOLERANCE = 1e-10
 """Relative to the extent of the points."""
 CAUCHY_TUNING = 2.385
 """Width of Cauchy's loss in one coordinate: 95 % efficiency on Gaussian errors [Holland 1977]."""
-TO_SIGMA = 1.4826
 MIN_SCATTER_POINTS = 50
 """Fewer distances do not tell their scatter."""
 DETERMINED = 1e-10
@@ -317,7 +316,7 @@ def robust_scatter(r: Float) -> float:
     if len(r) < MIN_SCATTER_POINTS:
         return float("nan")
     s = np.sum(r**2, axis=1) / r.shape[1]
-    scale = TO_SIGMA**2 * float(np.median(s))
+    scale = MAD_TO_SIGMA**2 * float(np.median(s))
     if scale <= 0.0:
         return 0.0
     w = weight("cauchy", s / scale, CAUCHY_TUNING)
@@ -328,7 +327,7 @@ def robust_scatter(r: Float) -> float:
 def robust_weights(r: Float) -> Float:
     """Weights (K,) of Cauchy's loss for distances (K, C), at their own scale."""
     s = np.sum(r**2, axis=1)
-    scale = TO_SIGMA**2 * float(np.median(s)) / r.shape[1]
+    scale = MAD_TO_SIGMA**2 * float(np.median(s)) / r.shape[1]
     if scale <= 0.0:
         return np.ones(len(r))
     return weight("cauchy", s / scale, CAUCHY_TUNING)

@@ -29,6 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.geometry.subset import spread_over
 from semsfm_colmap.refinement.depth_reversal.cue import (
     CONVEX_CUES,
     CONVEX_MAX_LOGIT,
@@ -128,7 +129,7 @@ def visibility_cues(
     observed = np.unique(observations.track_idx)
     if len(observed) < MIN_POINTS:
         return {name: silent() for name in CUES}
-    pick = observed[_evenly(len(observed), max_points)]
+    pick = observed[spread_over(len(observed), max_points)]
     views = _who_sees_what(cameras, points, observations, image_size_px, pick, max_images)
     spacing, body = _framing(views)
     facing_well = views.facing > _mean_over(views.seen, views.facing) + FACING_MARGIN
@@ -146,11 +147,6 @@ def visibility_cues(
     return cues
 
 
-def _evenly(length: int, most: int) -> Int:
-    """At most so many of the numbers below `length`, evenly."""
-    return np.unique(np.linspace(0, length - 1, min(most, length)).astype(np.int64))
-
-
 def _who_sees_what(
     cameras: OrthographicCameras,
     points: Float,
@@ -160,7 +156,7 @@ def _who_sees_what(
     max_images: int,
 ) -> _Views:
     """Tabulate the points picked in the views."""
-    views = _evenly(len(cameras), max_images)
+    views = spread_over(len(cameras), max_images)
     number = np.full(len(points), -1)
     number[pick] = np.arange(len(pick))
     view_number = np.full(len(cameras), -1)

@@ -24,7 +24,7 @@ from semsfm_colmap.surface.stereo.plane_kernels import local_planes
 from semsfm_colmap.surface.stereo.plane_sweep import sweep_depths
 from semsfm_colmap.surface.stereo.rasters import Raster, raster_reader
 from semsfm_colmap.surface.stereo.refine import refine_depths
-from semsfm_colmap.surface.stereo.relight import light_of
+from semsfm_colmap.surface.stereo.relight import change_of_light, light_of
 from semsfm_colmap.surface.stereo.undrag import depth_without_drag
 from semsfm_colmap.surface.stereo.views import choose_neighbors, depth_range
 from semsfm_colmap.types import Array, DepthMap, Float, Int, ParallelMap, Reconstruction
@@ -122,7 +122,7 @@ def sweep_depth_map(
     if len(neighbors) == 0 or limits is None:
         return nothing
 
-    coarse = read_level(reconstruction, reference, neighbors, readers[0], light)
+    coarse = read_level(reconstruction, reference, neighbors, readers[0])
     planes = np.full(coarse.grey.shape, np.float32(0.5 * (limits[0] + limits[1])))
     half_range = 0.5 * (limits[1] - limits[0])
     depth, score = sweep_depths(coarse, planes, half_range, options)
@@ -130,16 +130,16 @@ def sweep_depth_map(
     depth[background(coarse.grey, empty, _HALO_PX, float(coarse.noise[0]))] = np.nan
     base = local_planes(depth, score, _BASE_RADIUS_PX, 2.5 * coarse.unit)
 
-    fine = read_level(reconstruction, reference, neighbors, readers[1], light)
+    fine = read_level(reconstruction, reference, neighbors, readers[1])
     base = _enlarge(base, fine.grey.shape)
     half_range = min(half_range, options.max_relief_px * fine.unit)
     depth, score = sweep_depths(fine, base, half_range, options)
     empty = _enlarge_mask(empty, fine.grey.shape)
     depth[background(fine.grey, empty, 2 * _HALO_PX, float(fine.noise[0]))] = np.nan
     depth[~fine.usable] = np.nan
-    depth, score, sigma = refine_depths(
-        fine, reconstruction.cameras, reference, depth, score, options
-    )
+    cameras = reconstruction.cameras
+    change = change_of_light(light, np.asarray(cameras.cam_from_world), reference, neighbors)
+    depth, score, sigma = refine_depths(fine, cameras, reference, change, depth, score, options)
     outside = (depth < limits[0]) | (depth > limits[1])
     depth[(score < options.min_correlation) | outside] = np.nan
     depth = _drop_specks(depth, fine.unit, options.min_speck_px)

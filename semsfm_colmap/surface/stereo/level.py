@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from semsfm_colmap.surface.stereo.rasters import Raster
-from semsfm_colmap.surface.stereo.relight import change_of_light
 from semsfm_colmap.surface.stereo.views import AffineSweep, affine_sweep
 from semsfm_colmap.types import Array, Bool, Float, Int, Reconstruction
 
@@ -35,27 +34,14 @@ class Level:
     """Range of the reference's grey values."""
     unit: float
     """World units per px."""
-    change_of_light: Float
-    """(V, 3), see `relight`"""
     scaling: Float
     """(2,) Size of the level over that of the reference's image"""
 
 
 def read_level(
-    reconstruction: Reconstruction,
-    reference: int,
-    neighbors: Int,
-    reader: Callable[[int], Raster],
-    light: Float,
+    reconstruction: Reconstruction, reference: int, neighbors: Int, reader: Callable[[int], Raster]
 ) -> Level:
-    """Read the reference and its neighbours, pad the neighbours to one size.
-
-    Parameters
-    ----------
-    reader : from image index to raster
-    light : (3,) gradient of the shading
-
-    """
+    """Read the reference and its neighbours, pad the neighbours to one size."""
     rasters = [reader(int(j)) for j in neighbors]
     ref = reader(reference)
     sizes = reconstruction.image_size_px
@@ -73,7 +59,6 @@ def read_level(
         usable[j, :h, :w] = raster.usable
     low, high = np.percentile(ref.grey[::4, ::4], [1.0, 99.0])
     scale = reconstruction.cameras.scale_px_per_unit[reference] * scaling[reference].mean()
-    R = np.asarray(reconstruction.cameras.cam_from_world)
     return Level(
         mean_grey=float(mean),
         grey=ref.grey - mean,
@@ -84,6 +69,5 @@ def read_level(
         noise=np.array([max(r.noise, 0.25) for r in [ref, *rasters]]),
         contrast=max(float(high - low), 1.0),
         unit=float(1.0 / scale),
-        change_of_light=change_of_light(light, R, reference, neighbors),
         scaling=scaling[reference],
     )

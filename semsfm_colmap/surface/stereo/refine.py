@@ -10,7 +10,7 @@ from semsfm_colmap.surface.stereo.level import Level
 from semsfm_colmap.surface.stereo.plane_kernels import local_planes
 from semsfm_colmap.surface.stereo.refine_kernels import slanted_step
 from semsfm_colmap.surface.stereo.relight import relit
-from semsfm_colmap.types import Array, Int, OrthographicCameras
+from semsfm_colmap.types import Array, Float, Int, OrthographicCameras
 
 _STRIDE_PX = 2
 """The steps move every second pixel, as on a chessboard. Their windows overlap by more than half,
@@ -21,6 +21,7 @@ def refine_depths(
     level: Level,
     cameras: OrthographicCameras,
     reference: int,
+    change_of_light: Float,
     depth: Array,
     score: Array,
     options: SurfaceOptions,
@@ -31,6 +32,7 @@ def refine_depths(
     ----------
     level : at the size of the depths
     cameras, reference : of the series, and the image of the depths
+    change_of_light : (V, 3) to each neighbour, see `relight`
     depth, score : (H, W) float32, overwritten
 
     Returns
@@ -45,7 +47,7 @@ def refine_depths(
     for _ in range(options.num_refinements):
         plane = local_planes(depth, score, options.slope_radius_px, 2.5 * level.unit)
         normals = camera_normals(cameras, reference, level.scaling, plane)
-        lit = relit(level.grey + level.mean_grey, normals, level.change_of_light)
+        lit = relit(level.grey + level.mean_grey, normals, change_of_light)
         slanted_step(
             level.grey,
             lit,

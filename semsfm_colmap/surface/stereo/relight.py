@@ -19,6 +19,7 @@ from collections.abc import Callable
 import numpy as np
 
 from semsfm_colmap.geometry.normals import estimate_normals, mean_viewing_direction
+from semsfm_colmap.geometry.subset import new_numbers, spread_over
 from semsfm_colmap.surface.shading import fit_shading
 from semsfm_colmap.surface.stereo.rasters import Raster
 from semsfm_colmap.types import Array, Float, Int, Reconstruction
@@ -54,12 +55,10 @@ def light_of(reconstruction: Reconstruction, reader: Callable[[int], Raster]) ->
     directions = mean_viewing_direction(reconstruction)[points]
     normals = estimate_normals(X, directions, _NUM_NEIGHBORS)
     # even subsets: the planes above want all the points
-    some = _even(len(points), _MAX_POINTS)
-    images = _even(reconstruction.num_images, _MAX_IMAGES)
-    row = np.full(reconstruction.num_images, -1)
-    row[images] = np.arange(len(images))
-    column = np.full(len(reconstruction.points), -1)
-    column[points[some]] = np.arange(len(some))
+    some = spread_over(len(points), _MAX_POINTS)
+    images = spread_over(reconstruction.num_images, _MAX_IMAGES)
+    row = new_numbers(images, reconstruction.num_images)
+    column = new_numbers(points[some], len(reconstruction.points))
     used = reconstruction.observations.select(reconstruction.inlier)
     i, k = row[used.image_idx], column[used.track_idx]
     i, k = i[(i >= 0) & (k >= 0)], k[(i >= 0) & (k >= 0)]
@@ -97,7 +96,3 @@ def relit(grey: Array, normals: Array, change: Float) -> Array:
     gained = np.float32(RELIEF_GAIN) * np.nan_to_num(normals)
     factor = np.exp(np.tensordot(change.astype(np.float32), gained, axes=1))
     return np.asarray(grey * factor, dtype=np.float32)
-
-
-def _even(count: int, most: int) -> Int:
-    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
