@@ -140,6 +140,20 @@ def _refuse_unknown(data: dict[str, Any], source: str) -> None:
 def read_config(path: Path | str) -> Config:
     """Read a TOML file; what it leaves out has its default.
 
+    Parameters
+    ----------
+    path : the file; docs/files.md lists what PROJECT/semsfm.toml holds
+
+    Returns
+    -------
+    the whole configuration
+
+    Raises
+    ------
+    UsageError
+        The file cannot be read, is no TOML, or holds a key or value that does not exist; the
+        sentence names it and the nearest one that does.
+
     Examples
     --------
     >>> file = Path("options.toml")
@@ -165,6 +179,16 @@ def read_config(path: Path | str) -> Config:
 
 def write_config(config: Config, path: Path | str) -> None:
     """Write the resolved configuration, aside first, then renamed.
+
+    Parameters
+    ----------
+    config : all options; those that are None are left out
+    path : the TOML file, replaced where it is there
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
 
     Examples
     --------

@@ -105,7 +105,18 @@ class SemSeries:
         return tuple(frame.name for frame in self.frames)
 
     def recorded(self, quantity: str, names: Sequence[str] | None = None) -> Float:
-        """A number of the metadata of all images, or of some by name: (M,), nan where none is."""
+        """A number of the metadata of the images, nan where none is.
+
+        Parameters
+        ----------
+        quantity : a field of `SemMetadata`
+        names : of some images, in that order; default: all
+
+        Returns
+        -------
+        (M,)
+
+        """
         value = {frame.name: getattr(frame.metadata, quantity) for frame in self.frames}
         said = [value.get(name) for name in (self.names if names is None else names)]
         return np.array([np.nan if v is None else v for v in said], dtype=np.float64)
@@ -184,7 +195,13 @@ class Observations(_Frozen):
         return np.asarray(1.0 / np.square(self.relative_sigma))
 
     def select(self, rows: Array) -> Observations:
-        """Some of the observations, by mask or by index; images and tracks keep their numbers."""
+        """Some of the observations; images and tracks keep their numbers.
+
+        Parameters
+        ----------
+        rows : (O,) bool, or indices of the observations
+
+        """
         return replace(
             self,
             image_idx=self.image_idx[rows],
@@ -309,7 +326,7 @@ class OrthographicCameras(_Frozen):
         return np.asarray(linear + self.translation_px[image_idx])
 
     def select(self, image_idx: Array) -> OrthographicCameras:
-        """The cameras of some images, in the order given."""
+        """The cameras of some images, in the order of `image_idx`."""
         return replace(
             self,
             cam_from_world=self.cam_from_world[image_idx],
@@ -416,7 +433,7 @@ class PointCloud(_Frozen):
     """(N,) standard deviation in world units"""
 
     def select(self, keep: Array) -> PointCloud:
-        """The points of a mask or an index array."""
+        """The points that `keep`, a mask or an index array, names."""
         return PointCloud(
             points=self.points[keep],
             normals=None if self.normals is None else self.normals[keep],

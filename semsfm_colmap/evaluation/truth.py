@@ -54,6 +54,10 @@ def load_truth(path: Path | str) -> Truth:
     ----------
     path : folder with `truth.json` and, for the surface, `mesh.npz`; or that `truth.json`
 
+    Returns
+    -------
+    names, cameras and, where they are there, the mesh and the angles of the series
+
     Raises
     ------
     InputError

@@ -72,9 +72,15 @@ def map_observations(
     Parameters
     ----------
     observations : sorted by track; images numbered as `image_names`
+    image_names : of the M images, in the order of acquisition
+    image_size_px : (M, 2) width, height
+    factorization, refinement : options of these stages
+    pixel_size_um, pixel_size_source : the size of a pixel and where it was read; without one the
+        world is in px
     tilt : known angles; used as a prior where the images do not contradict them
     guide : the images, for a second pass that looks for every point in every image
     series_idx : (M,) which of several series each image is from
+    seed : same seed, same result
     note : called with a sentence after each step
 
     Returns

@@ -42,10 +42,16 @@ def adopt_model(
     options : how much change is acceptable
     dry_run : only compare; nothing is written and nothing raised for a refusal
 
+    Returns
+    -------
+    how far cameras and points have moved, whether that is accepted, and the reasons if not
+
     Raises
     ------
     InputError
-        The model is refused; the sentence lists the reasons.
+        There is no such model, or the changed one is refused; the sentence lists the reasons.
+    UsageError
+        `changed_path` is the project's own model.
 
     """
     options = options or AdoptionOptions()

@@ -42,10 +42,13 @@ def compare_projects(
     Parameters
     ----------
     before_path, after_path : project folders with meshes, in worlds of their own
+    output_path : folder of the comparison; an earlier one in it is replaced
     to : formats of the difference
     region : x0, y0, x1, y1 in px of an image of the first project: what is seen there alone
     region_image : its name; default: the first image of the model
     free_scale : the scale of the second one is unknown
+    spacing : of the grid of the difference, in world units; default: from the meshes
+    reporter : told how far it is, and what to note; default: nothing is said
 
     Returns
     -------
@@ -55,6 +58,8 @@ def compare_projects(
     ------
     InputError
         The units differ, the surfaces share no unchanged part, or a body is closed.
+    UsageError
+        A path is no project, or `output_path` holds something else.
 
     """
     from semsfm_colmap.metrology.heights.comparison import compare_surfaces

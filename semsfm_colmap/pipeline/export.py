@@ -35,6 +35,13 @@ def export_project(
     -------
     what was written and how far it is from parallel projection; the same is in export.json
 
+    Raises
+    ------
+    InputError
+        There is no such model, or the format cannot hold it: an image name, a missing mesh.
+    UsageError
+        The format is none, the path is no project, or `output_path` holds something else.
+
     """
     options = options or FormatOptions()
     find_format(format_name)

@@ -41,11 +41,18 @@ def measure_rotation(
     ----------
     project_path : the project folder, after map
     displacement_path : table of the series with displacements that override those recorded
+    reporter : told how far it is, and what to note; default: nothing is said
+
+    Returns
+    -------
+    axis, angles, wobble and, with displacements, degrees per um; the content of goniometer.json
 
     Raises
     ------
     InputError
         There is no model, nothing turns, or the table does not fit it.
+    UsageError
+        The path is no project.
 
     """
     from semsfm_colmap.config import Config, read_config

@@ -61,6 +61,8 @@ def height_map(
     profile : x0, y0, x1, y1: the ends of a line in px of the same image, for ISO 21920-2
     truth_path : folder of the rendered series, for the characteristics
     steps : (known, measured) heights, for the same
+    options : grid, levelling and filters
+    reporter : told how far it is, and what to note; default: nothing is said
 
     Returns
     -------
@@ -70,6 +72,8 @@ def height_map(
     ------
     InputError
         There is no mesh, it has no height map, or the filters ask for what it does not hold.
+    UsageError
+        The path is no project, or the model has no image `region_image`.
 
     """
     import numpy as np

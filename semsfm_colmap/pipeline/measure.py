@@ -45,6 +45,8 @@ def measure(
         angle at the second besides
     profile : the two ends of a line in one image
     scale_from : ``a,b,length[,sigma]``: a known length in um that sets the scale
+    options : uncertainties of pixel size and picking
+    reporter : told how far it is, and what to note; default: nothing is said
 
     Returns
     -------
@@ -52,8 +54,10 @@ def measure(
 
     Raises
     ------
-    UsageError, InputError
-        What is asked for makes no sense, or is not there; in one sentence.
+    UsageError
+        What is asked for makes no sense; in one sentence.
+    InputError
+        It is not there: no model, no mesh, no such place.
 
     """
     from semsfm_colmap.metrology.sizes.record import plain

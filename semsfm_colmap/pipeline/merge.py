@@ -58,11 +58,19 @@ def merge_projects(
     project_paths : two projects or more, whose images are prepared; they are only read
     output_path : the new project folder
     config : all options; features are turned to their gradients unless `features.upright` is set
+    reporter : told how far it is, and what to note; default: nothing is said
+    force : run every stage even when nothing has changed
+
+    Returns
+    -------
+    the content of run.json
 
     Raises
     ------
     InputError
         A project is none, or the series have nothing in common; one sentence.
+    UsageError
+        Fewer than two projects, one named twice, or `output_path` is one of them.
 
     """
     config, reporter = config or Config(), reporter or Reporter(verbosity=-1)

@@ -52,10 +52,16 @@ def plan(
     specimen : of a series that does not exist, and the limits of the search
     add : which images may be added to a project
 
+    Returns
+    -------
+    the series that do it, or the angles to add, with their error bars
+
     Raises
     ------
-    UsageError : not one question, or numbers that none can have
-    InputError : no series does it, or the project holds no model that tells; one sentence
+    UsageError
+        Not one question, or numbers that none can have.
+    InputError
+        No series does it, or the project holds no model that tells; one sentence.
 
     Examples
     --------

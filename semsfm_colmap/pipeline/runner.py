@@ -103,15 +103,25 @@ def run_stages(
 
     Parameters
     ----------
+    project_path : the project folder
+    config : all options
     names : stages to run; those before them must have run
     image_path : folder of the source images, or an MRC stack; needed for the stage that makes the
         project
+    reporter : told how far it is, and what to note; default: nothing is said
     executor : how work on single images and pairs is spread; default: threads of this process
     force : run them even when nothing has changed
 
+    Returns
+    -------
+    the content of run.json
+
     Raises
     ------
-    InputError when the data do not allow a stage, UsageError when the call is wrong
+    InputError
+        The data do not allow a stage; one sentence says why and what to try.
+    UsageError
+        There are no such images, project or stage, or another process works on the project.
 
     """
     reporter = reporter or Reporter(verbosity=-1)
@@ -251,11 +261,19 @@ def reconstruct(
     image_path : folder of PNG, JPEG or TIFF images of one specimen, tilted or rotated, or an MRC
         stack of them
     output_path : the project folder, see docs/files.md; unchanged stages of an earlier run are kept
-    config : all options
+    config : all options; default: those of `Config`
+    reporter : told how far it is, and what to note; default: nothing is said
 
     Returns
     -------
-    RunRecord, the content of run.json
+    the content of run.json
+
+    Raises
+    ------
+    InputError
+        The data do not allow it; one sentence says why and what to try.
+    UsageError
+        A path is none of what is asked for, or the project is in use.
 
     """
     return run_stages(

@@ -49,6 +49,7 @@ def segment_project(
     options : of the proposal
     new_cuts : put behind those of segments.toml, and kept there
     undo : number of the last cuts of segments.toml to take back first
+    reporter : told how far it is, and what to note; default: nothing is said
 
     Returns
     -------
@@ -58,6 +59,8 @@ def segment_project(
     ------
     InputError
         When there is no cloud yet, or a cut names a part that is not there.
+    UsageError
+        The path is no project, or fewer cuts are there than `undo` takes back.
 
     """
     from semsfm_colmap.segmentation.cut_file import check_cut, read_cuts, write_cuts

@@ -35,6 +35,11 @@ def synthesize(
     -------
     The folder with the images.
 
+    Raises
+    ------
+    UsageError
+        The options contradict one another, or the folder holds other images.
+
     Examples
     --------
     >>> options = SynthesizeOptions(

@@ -64,6 +64,16 @@ def read_pinhole_model(
     The world is the file's; ``world_unit`` is "px", as nothing says more, and the hand is left
     open.
 
+    Parameters
+    ----------
+    path : COLMAP model folder, binary or text
+    max_deviation_px : how far from parallel projection its cameras may be
+    reference : (3,) point whose depth gives the magnifications; default: the points' centroid
+
+    Returns
+    -------
+    the model as orthographic cameras, with the deviation that was measured
+
     Raises
     ------
     InputError

@@ -160,6 +160,19 @@ def read_model(path: Path | str) -> Reconstruction:
 
     The inliers of the model are its observations; what the mapping rejected is not in it.
 
+    Parameters
+    ----------
+    path : a folder such as PROJECT/sparse/0
+
+    Returns
+    -------
+    cameras, points and observations; image i of the result is the i-th name of orthographic.json
+
+    Raises
+    ------
+    InputError
+        There is no model, or its files do not belong together.
+
     Examples
     --------
     >>> model = read_model("project/sparse/0")

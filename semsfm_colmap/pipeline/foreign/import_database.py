@@ -58,6 +58,20 @@ def reconstruct_from_database(
     image_path : folder of the images, all of which the database must know
     database_path : COLMAP database of the 3.8 or 4.x schema; not changed
     output_path : the project folder
+    config : all options; those of features and matching hold for verification alone
+    reporter : told how far it is, and what to note; default: nothing is said
+    force : run every stage even when nothing has changed
+
+    Returns
+    -------
+    the content of run.json
+
+    Raises
+    ------
+    InputError
+        The database does not fit the images, or the data do not allow a stage; one sentence.
+    UsageError
+        A path is none of what is asked for.
 
     """
     config, reporter = config or Config(), reporter or Reporter(verbosity=-1)

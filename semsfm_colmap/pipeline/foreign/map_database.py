@@ -51,11 +51,20 @@ def map_database(
     ----------
     database_path : COLMAP database of the 3.8 or 4.x schema; not changed
     output_path : folder for the models; an earlier result of ours in it is replaced
+    config : all options; those of `ingest` say what is known of the series
     image_path : folder of the images, for the colours of the points; None leaves them grey
+    reporter : told how far it is, and what to note; default: nothing is said
 
     Returns
     -------
-    MapRecord, the record of the mapping, as in run.json
+    the record of the mapping, as in run.json
+
+    Raises
+    ------
+    InputError
+        It is no COLMAP database, it is damaged or in use, or its matches allow no model.
+    UsageError
+        A path is none of what is asked for, or `output_path` holds models of another program.
 
     """
     from semsfm_colmap.colmap.database.reader import read_database

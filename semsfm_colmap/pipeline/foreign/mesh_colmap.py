@@ -48,15 +48,18 @@ def mesh_colmap(
     sparse_path : the model, where it is not found or another component is wanted
     image_path : the images, where they are not in images/
     options : method and lengths
+    reporter : told how far it is, and what to note; default: nothing is said
 
     Returns
     -------
-    ForeignMeshRecord, the same as in mesh.json: where the cloud came from, what the mesh is like
+    the same as in mesh.json: where the cloud came from, what the mesh is like
 
     Raises
     ------
     InputError
         There is no model in the folder, or no surface comes of it.
+    UsageError
+        A path is no folder, or `output_path` holds something else.
 
     """
     from semsfm_colmap.io.ply import write_ply
