@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# The one check: set up, format, lint, types, import layers, changelog, tests.
+# The one check: set up, format, lint, types, import layers, changelog, documentation, tests.
 # usage: scripts/check.sh [--all] [PIECE ...]
 #   --all   also the slow tests and those on development data
-#   PIECE   format, lint, types, layers, changelog or tests: these alone
+#   PIECE   format, lint, types, layers, changelog, docs or tests: these alone
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin="${SEMSFM_VENV:-.venv}/bin"
@@ -13,7 +13,7 @@ if [ "${1:-}" = "--all" ]; then
 fi
 # one piece is for between two commits: what is set up is taken as it is
 [ $# -gt 0 ] && [ -x "$bin/pytest" ] || bash scripts/setup.sh dev
-[ $# -gt 0 ] || set -- format lint types layers changelog tests
+[ $# -gt 0 ] || set -- format lint types layers changelog docs tests
 for piece in "$@"; do
     case "$piece" in
         format) "$bin/ruff" format --check --quiet . ;;
@@ -21,6 +21,8 @@ for piece in "$@"; do
         types) "$bin/mypy" --no-error-summary ;;
         layers) "$bin/lint-imports" --no-logo >/dev/null || "$bin/lint-imports" ;;
         changelog) "$bin/python" scripts/check_changelog.py ;;
+        # every link and anchor within the site, every page in its navigation; no network is asked
+        docs) NO_MKDOCS_2_WARNING=1 "$bin/mkdocs" build --strict --quiet ;;
         tests) "$bin/pytest" -n 2 --dist loadfile -m "$marker" ;;
         *)
             echo "$piece is no piece of the check: see the head of scripts/check.sh" >&2
