@@ -49,6 +49,15 @@ class Option:
     positional: bool = False
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Section:
+    """Options of a command that are those of the configuration, or of a section of it."""
+
+    kind: type
+    prefix: str
+    """of their flags, without dashes"""
+
+
 class _Caught(Exception):  # noqa: N818
     """What a command was about to parse into."""
 
@@ -105,6 +114,10 @@ def unannotated(hint: Any) -> tuple[Any, tuple[Any, ...]]:
     return hint, ()
 
 
+POSITIONAL = unannotated(tyro.conf.Positional[int])[1]
+WITHOUT_PREFIX = unannotated(tyro.conf.OmitArgPrefixes[int])[1]
+
+
 def said_type(hint: Any) -> str:
     """A type as a person writes it."""
     origin, args = typing.get_origin(hint), typing.get_args(hint)
@@ -132,8 +145,8 @@ def said_default(value: Any) -> str:
     return str(value)
 
 
-def options_of(kind: type, value: Any = None, prefix: str = "") -> Iterator[Option | type]:
-    """The options of a dataclass; of those of the configuration its class alone."""
+def options_of(kind: type, value: Any = None, prefix: str = "") -> Iterator[Option | Section]:
+    """The options of a dataclass; those of the configuration as sections."""
     hints = typing.get_type_hints(kind, include_extras=True)
     sections = {typing.get_type_hints(Config)[f.name] for f in dataclasses.fields(Config)}
     for field in dataclasses.fields(kind):
@@ -143,13 +156,14 @@ def options_of(kind: type, value: Any = None, prefix: str = "") -> Iterator[Opti
             default = getattr(value, field.name)
         elif field.default_factory is not dataclasses.MISSING:
             default = field.default_factory()
-        renamed = [note.name for note in notes if getattr(note, "name", None) is not None]
+        renamed = [note.name for note in notes if isinstance(getattr(note, "name", None), str)]
         name = renamed[0] if renamed else field.name
         if dataclasses.is_dataclass(hint):
-            if hint is Config or (hint in sections and kind is not Config):
-                yield hint
+            flat = not name or any(note in WITHOUT_PREFIX for note in notes)
+            inner = prefix if flat else f"{prefix}{name}."
+            if hint is Config or hint in sections:
+                yield Section(kind=hint, prefix=inner)
             else:
-                inner = f"{prefix}{name}." if name else prefix
                 yield from options_of(hint, default, inner)
             continue
         extra = next((note.help for note in notes if getattr(note, "help", None)), "")
@@ -159,18 +173,13 @@ def options_of(kind: type, value: Any = None, prefix: str = "") -> Iterator[Opti
             kind=choices or said_type(hint),
             default=said_default(default),
             words=words_of(kind, field.name) or extra,
-            positional="Positional" in repr(notes) or _is_positional(notes),
+            positional=any(note in POSITIONAL for note in notes),
         )
 
 
 def _choices(note: Any) -> str:
     literal = note.constructor
     return said_type(literal) if typing.get_origin(literal) is typing.Literal else ""
-
-
-def _is_positional(notes: tuple[Any, ...]) -> bool:
-    positional = unannotated(tyro.conf.Positional[int])[1]
-    return any(note in positional for note in notes)
 
 
 def cell(text: str) -> str:
@@ -205,12 +214,15 @@ def command_section(command: Command, flags: tuple[str, ...] = ()) -> str:
         described(description),
         option_table(own),
     ]
-    wider = [one for one in found if isinstance(one, type)]
-    if Config in wider:
+    wider = [one for one in found if isinstance(one, Section)]
+    if any(one.kind is Config for one in wider):
         parts.append("and all options of the [configuration](options.md).")
     elif wider:
         names = {typing.get_type_hints(Config)[f.name]: f.name for f in dataclasses.fields(Config)}
-        said = ", ".join(f"[{names[one]}](options.md#{names[one]})" for one in wider)
+        said = ", ".join(
+            f"[{names[one.kind]}](options.md#{names[one.kind]}) as `--{one.prefix}...`"
+            for one in wider
+        )
         parts.append(f"and the options of {said}.")
     return "\n\n".join(part for part in parts if part)
 
