@@ -22,7 +22,8 @@ for piece in "$@"; do
         layers) "$bin/lint-imports" --no-logo >/dev/null || "$bin/lint-imports" ;;
         changelog) "$bin/python" scripts/check_changelog.py ;;
         # every link and anchor within the site, every page in its navigation; no network is asked
-        docs) NO_MKDOCS_2_WARNING=1 "$bin/mkdocs" build --strict --quiet ;;
+        # (--quiet would pass over all of them)
+        docs) NO_MKDOCS_2_WARNING=1 "$bin/mkdocs" build --strict 2>&1 | sed '/^INFO/d' ;;
         tests) "$bin/pytest" -n 2 --dist loadfile -m "$marker" ;;
         *)
             echo "$piece is no piece of the check: see the head of scripts/check.sh" >&2

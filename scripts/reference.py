@@ -305,6 +305,8 @@ def python_page() -> str:
     functions = [name for name in names if not inspect.isclass(getattr(semsfm_colmap, name))]
     classes = [name for name in names if name not in functions]
     parts = [
+        # a search shall find words before names
+        "---\nsearch:\n  boost: 0.3\n---",
         "# Python",
         "The names that `import semsfm_colmap` gives, and the types they take and return. Paths "
         "may be strings. What the data do not allow raises `InputError`, misuse `UsageError`.",

@@ -19,6 +19,7 @@ import pytest
 import tyro
 
 from semsfm_colmap.cli.commands import COMMANDS, find_command
+from semsfm_colmap.cli.common import SHORT_FLAGS
 from tests.docs.blocks import ALL, OTHERS, PAGES, ROOT, commands_of, of, prose_of
 
 OTHER_PROGRAMS = {
@@ -31,6 +32,9 @@ OTHER_PROGRAMS = {
     "ns-train",
     "tilt",
 }
+
+OTHER_FLAGS = {"--ImageReader.mask_path", "--help", "--no_"}
+"""Flags in the words of a page that are another program's, or none by themselves."""
 
 
 class Parsed(Exception):  # noqa: N818
@@ -116,6 +120,14 @@ def test_commands_within_the_words_have_flags_that_there_are(path, flags):
         for word in words[2:]:
             if word.startswith("--"):
                 assert word.split("=")[0] in flags[words[1]], f"{path.name}: {span}"
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_flags_by_themselves_are_those_of_a_command(path, flags):
+    ours = "".join(p.read_text("utf-8") for p in ROOT.glob("benchmarks/**/*.py"))
+    known = set().union(*flags.values(), SHORT_FLAGS, re.findall(r'"(--\w+)"', ours), OTHER_FLAGS)
+    spans = re.findall(r"`(--[a-zA-Z][\w.]*)", prose_of(path))
+    assert [flag for flag in spans if flag.rstrip(".") not in known and flag[-1] != "."] == []
 
 
 @pytest.fixture(scope="module")
