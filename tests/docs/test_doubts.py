@@ -1,0 +1,47 @@
+"""The tutorial has a section on every doubt of the report, in the words of the report."""
+
+from __future__ import annotations
+
+import ast
+import re
+
+from tests.docs.blocks import ROOT
+
+SOURCE = ROOT / "semsfm_colmap/report/doubts.py"
+PAGE = ROOT / "docs/tutorial/doubts.md"
+
+
+def words(text: str) -> set[str]:
+    """The words of a text, in lower case, singular and plural alike."""
+    return {word.rstrip("s") for word in re.findall(r"[a-z]{2,}", text.lower())}
+
+
+def doubts() -> list[set[str]]:
+    """The words of the sentence of each doubt."""
+    tree = ast.parse(SOURCE.read_text(encoding="utf-8"))
+    calls = [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "Doubt"
+    ]
+    sentences = [next(k.value for k in call.keywords if k.arg == "sentence") for call in calls]
+    return [
+        words(
+            " ".join(
+                str(node.value) for node in ast.walk(sentence) if isinstance(node, ast.Constant)
+            )
+        )
+        for sentence in sentences
+    ]
+
+
+def test_every_doubt_has_a_section_and_every_section_is_of_a_doubt():
+    sections = re.findall(r"^## (.*)$", PAGE.read_text(encoding="utf-8"), re.M)
+    found = doubts()
+    assert len(found) > 10
+    without_doubt = [s for s in sections if not any(words(s) <= doubt for doubt in found)]
+    assert without_doubt == []
+    assert [d for d in found if not any(words(s) <= d for s in sections)] == []
+    assert len(sections) == len(found)
