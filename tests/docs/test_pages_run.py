@@ -41,6 +41,7 @@ SLOW = (
     "docs/how-to/cluster.md",
     "docs/how-to/meshlab.md",
     "docs/how-to/own_matches.md",
+    "docs/how-to/printing.md",
     "docs/tutorial/",
 )
 """Of the pages whose code is run, those that take more than a few seconds."""
