@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,7 +117,9 @@ def height_map(
             filtering,
             transfer,
             halves=halves_of(project, found),
-            truth=None if truth_path is None else truth_map(Path(truth_path), model, found),
+            truth=None
+            if truth_path is None
+            else truth_map(Path(truth_path), specimen, found, region, region_image),
             steps=steps,
         )
         notes = notes_of(project, model, found)
@@ -307,8 +310,17 @@ def profile_data(
     }
 
 
-def truth_map(path: Path, model: Reconstruction, like: HeightMap) -> HeightMap:
+def truth_map(
+    path: Path,
+    specimen: Specimen,
+    like: HeightMap,
+    region: Rectangle | None,
+    region_image: str | None,
+) -> HeightMap:
     """The true heights of a rendered series on the grid of a map, brought there by the cameras.
+
+    Of the part that the region shows, where there is one: what stands over it elsewhere is not what
+    was measured.
 
     Raises
     ------
@@ -323,6 +335,7 @@ def truth_map(path: Path, model: Reconstruction, like: HeightMap) -> HeightMap:
     from semsfm_colmap.metrology.heights.height_map import on_grid
     from semsfm_colmap.types import TriangleMesh
 
+    model = specimen.model
     truth = load_truth(path)
     number = {Path(name).stem: i for i, name in enumerate(truth.names)}
     stems = [Path(name).stem for name in model.image_names]
@@ -339,6 +352,7 @@ def truth_map(path: Path, model: Reconstruction, like: HeightMap) -> HeightMap:
     assert like.axes is not None
     placed = right.true_from_estimated.inverse.apply(truth.mesh.vertices)
     mesh = TriangleMesh(vertices=placed, faces=truth.mesh.faces)
+    mesh = part_of_mesh(replace(specimen, mesh=mesh), region, region_image)
     rows, columns = like.z.shape
     return on_grid(mesh, like.unit, like.origin, like.axes, like.spacing, (rows, columns))
 
