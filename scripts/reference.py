@@ -71,7 +71,7 @@ def arguments_of(command: Command, flags: tuple[str, ...] = ()) -> tuple[type, s
 
     tyro.cli = caught  # type: ignore[assignment]
     try:
-        command.main()([*flags, "--help"])
+        command.main()(list(flags))
     except _Caught as found:
         kind, description = found.args
         return kind, description

@@ -18,9 +18,10 @@ from pathlib import Path
 import pytest
 import tyro
 
-from semsfm_colmap.cli.commands import COMMANDS, find_command
+from semsfm_colmap.cli.commands import find_command
 from semsfm_colmap.cli.common import SHORT_FLAGS
 from tests.docs.blocks import ALL, OTHERS, PAGES, ROOT, commands_of, of, prose_of
+from tests.docs.commands import FORMS, flags_of
 
 OTHER_PROGRAMS = {
     "colmap",
@@ -114,34 +115,28 @@ def test_our_commands_are_understood(block, monkeypatch, tmp_path):
 def test_commands_within_the_words_have_flags_that_there_are(path, flags):
     for span in re.findall(r"`(semsfm [^`]*)`", prose_of(path)):
         words = re.sub(r"[\[\]]", "", " ".join(span.split())).split()
-        if words[1] in ("COMMAND", "--help"):
+        if words[1] == "COMMAND" or words[1].startswith("--"):
             continue
         assert words[1] in flags, span
         for word in words[2:]:
-            if word.startswith("--"):
+            if word.startswith("--") and not word.startswith("--help"):
                 assert word.split("=")[0] in flags[words[1]], f"{path.name}: {span}"
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
 def test_flags_by_themselves_are_those_of_a_command(path, flags):
     ours = "".join(p.read_text("utf-8") for p in ROOT.glob("benchmarks/**/*.py"))
-    known = set().union(*flags.values(), SHORT_FLAGS, re.findall(r'"(--\w+)"', ours), OTHER_FLAGS)
+    known = set().union(*flags.values(), re.findall(r'"(--\w+)"', ours), OTHER_FLAGS)
     spans = re.findall(r"`(--[a-zA-Z][\w.]*)", prose_of(path))
     assert [flag for flag in spans if flag.rstrip(".") not in known and flag[-1] != "."] == []
 
 
 @pytest.fixture(scope="module")
 def flags() -> dict[str, set[str]]:
-    """The flags that the help of each command names, in each of its forms."""
+    """The flags of each command, in each of its forms."""
     found: dict[str, set[str]] = {}
-    for command in COMMANDS:
-        for form in ([], ["--database_path"], ["--colmap_path"]):
-            said = io.StringIO()
-            with contextlib.redirect_stdout(said), contextlib.suppress(SystemExit):
-                command.main()([*form, "--help"])
-            found.setdefault(command.name, set()).update(
-                re.findall(r"--[a-z0-9][a-zA-Z0-9_.]*", said.getvalue())
-            )
+    for command, form in FORMS:
+        found.setdefault(command.name, set()).update(flags_of(command, form), SHORT_FLAGS)
     return found
 
 
