@@ -9,9 +9,11 @@ from typing import Annotated, Any, TypeVar
 
 import tyro
 
-from semsfm_colmap.config import Config, read_config
+from semsfm_colmap.config import Config, preset, read_config
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.io.layout import CONFIG_FILE
 from semsfm_colmap.pipeline.reporter import Reporter
+from semsfm_colmap.presets import QUALITIES
 
 T = TypeVar("T")
 
@@ -86,17 +88,29 @@ def verbosity(verbose: bool, quiet: bool) -> Reporter:
     return Reporter(verbosity=-1 if quiet else 1 if verbose else 0)
 
 
+def flag_value(arguments: Sequence[str], flag: str) -> str | None:
+    """The value of a flag, given as ``--flag X`` or ``--flag=X``; None where it is not given."""
+    for k, argument in enumerate(arguments):
+        if argument == flag and k + 1 < len(arguments):
+            return arguments[k + 1]
+        if argument.startswith(flag + "="):
+            return argument.split("=", 1)[1]
+    return None
+
+
 def file_config(arguments: Sequence[str], project_path: Path | None = None) -> Config:
-    """The configuration before flags: ``--config_path``, else the project's, else defaults."""
-    args = list(arguments)
-    for k, argument in enumerate(args):
-        if argument == "--config_path" and k + 1 < len(args):
-            return read_config(Path(args[k + 1]))
-        if argument.startswith("--config_path="):
-            return read_config(Path(argument.split("=", 1)[1]))
-    if project_path is not None and (project_path / "semsfm.toml").is_file():
-        return read_config(project_path / "semsfm.toml")
-    return Config()
+    """The configuration before flags: ``--config_path``, else the project's, else defaults.
+
+    ``--quality`` comes before all three: what they say of single options stands above it.
+    """
+    given = flag_value(arguments, "--quality")
+    quality = next((known for known in QUALITIES if known == given), None)
+    path = flag_value(arguments, "--config_path")
+    if path is not None:
+        return read_config(Path(path), quality)
+    if project_path is not None and (project_path / CONFIG_FILE).is_file():
+        return read_config(project_path / CONFIG_FILE, quality, resolved=True)
+    return Config() if quality is None else preset(quality)
 
 
 def with_default_config(command: type[Any], config: Config) -> type[Any]:
@@ -116,7 +130,9 @@ def run_stage_command(
     name: str, stages: Sequence[str], arguments: Sequence[str], description: str
 ) -> None:
     """A command that runs some stages of an existing project."""
+    from semsfm_colmap.pipeline.project import Project
     from semsfm_colmap.pipeline.runner import run_stages
+    from semsfm_colmap.pipeline.summary import say_summary
 
     args = positional_first(arguments)
     project = Path(args[0]) if args and not args[0].startswith("-") else None
@@ -124,10 +140,9 @@ def run_stage_command(
     parsed = parse(command, args, name, description)
     if not parsed.project_path.is_dir():
         raise UsageError(f"{parsed.project_path} is not a folder: give a project folder")
-    run_stages(
-        parsed.project_path,
-        parsed.config,
-        names=stages,
-        reporter=verbosity(parsed.verbose, parsed.quiet),
-        force=parsed.force,
+    reporter = verbosity(parsed.verbose, parsed.quiet)
+    record = run_stages(
+        parsed.project_path, parsed.config, names=stages, reporter=reporter, force=parsed.force
     )
+    if not parsed.quiet:
+        say_summary(Project(parsed.project_path), record, stages, reporter)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from itertools import count
 
 import numpy as np
 
@@ -43,6 +44,8 @@ WEAK_NOTE = (
     "the tracks tie the series together weakly: over the whole of it the angles may have drifted "
     "off though neighbours fit; match images further apart, so that tracks last longer"
 )
+NUM_ROUNDS_SHOWN = 8
+"""Rounds of filtering that the progress takes for the first model: seldom more."""
 MAGNIFICATION_ROUNDS = 2
 """The first estimate of its width has the noise of too narrow a prior."""
 REPEATABLE_IMAGES = 60
@@ -168,6 +171,7 @@ def map_part(
     settled = settle(context, first, guided, straight, asked)
     if settled.value is None:
         return Solution(value=None, status=settled.status, message=settled.message)
+    context.progress("error bars and hand", 0, 1)
     mapped = finish(context, settled.value)
     rests = rests_on(context, mapped)
     if rests.is_noise:
@@ -204,6 +208,7 @@ def settle(
         choice = judge_perspective(context, value)
     sizes = context.image_size_px[value.images].astype(np.float64)
     further = () if choice is None or not choice.found else (choice.rung,)
+    context.progress("camera models", 0, 1)
     comparison = compare(value, context.refinement, sizes[:, 1], sizes, further)
     flat = find_flat(first.refined, value)
     agreement = None
@@ -259,6 +264,7 @@ def first_model(
     context: SeriesContext, part: Part, observations: Observations, rng: np.random.Generator
 ) -> Solution[First]:
     """Factorize a part and refine it, or say why it gives no model."""
+    context.progress("first model", 0, 1)
     rank = diagnose_rank(part.blocks)
     if rank.status != "ok" and not (rank.status == "planar" and context.tilt is not None):
         status, message = without_depth(rank, context.tilt, list(context.names_of(part.images)))
@@ -284,7 +290,10 @@ def first_model(
         seed=context.seed,
     )
 
+    rounds = count(1)
+
     def tell(r: FilteringRound) -> None:
+        context.progress("first model", next(rounds), NUM_ROUNDS_SHOWN)
         context.say(
             f"within {r.threshold_px:.2f} px: {r.num_images} images, {r.num_points} points, "
             f"{r.num_observations} observations, sigma {r.sigma_px:.3f} px"

@@ -16,7 +16,7 @@ SAME_RANGE = 0.01
 """Range about the fitted axis and total rotation are the same number up to this share: a full turn
 has a range of 360 and a largest rotation of 180 degrees, and their error bars are not the same."""
 CHECK_A_LENGTH = (
-    "Compare a length that you know, for a formal σ is not an accuracy: `semsfm measure PROJECT`."
+    "Compare a length that you know, for a formal σ is not an accuracy (`semsfm measure`)."
 )
 
 
