@@ -18,11 +18,11 @@ PRESETS: Mapping[Quality, Mapping[str, Mapping[str, Any]]] = {
         "features": {"max_num_features": 4096, "first_octave": 0},
         "guided": {"rounds": 2, "fill_up_to": 0},
         "surface": {
-            "max_depth_map_size_px": 512,
-            "max_num_depth_maps": 16,
+            "max_depth_map_size_px": 400,
+            "max_num_depth_maps": 12,
             "num_neighbors": 4,
-            "max_texture_faces": 20_000,
-            "max_texture_size_px": 2048,
+            "max_texture_faces": 10_000,
+            "max_texture_size_px": 1024,
         },
     },
     "medium": {
@@ -43,6 +43,8 @@ PRESETS: Mapping[Quality, Mapping[str, Mapping[str, Any]]] = {
             "max_depth_map_size_px": 2048,
             "max_num_depth_maps": 96,
             "num_neighbors": 8,
+            "num_refinements": 3,
+            "spacing_px": 1.5,
         },
     },
 }

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import tyro
 
+from semsfm_colmap.cli.help_page import ALL, asked, page
 from semsfm_colmap.config import Config, preset, read_config
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.io.layout import CONFIG_FILE
@@ -24,9 +25,29 @@ SHORT_FLAGS = {
 }
 """Flags that may be written short."""
 
+DESCRIBE = "\0describe"
+"""No argument that a person types: asks a command for its flags, see `described`."""
+
 Flattened = Annotated[Config, tyro.conf.arg(name="")]
 Verbose = Annotated[bool, tyro.conf.arg(aliases=["-v"])]
 Quiet = Annotated[bool, tyro.conf.arg(aliases=["-q"])]
+
+
+class Described(SystemExit):
+    """Ends the parsing of a command's arguments with the dataclass that holds its flags."""
+
+    def __init__(self, command: type[Any]) -> None:
+        super().__init__(command.__name__)
+        self.command = command
+
+
+def described(main: Callable[[Sequence[str]], None]) -> type[Any]:
+    """The dataclass of a command's flags, given the function that runs it."""
+    try:
+        main([DESCRIBE])
+    except Described as answer:
+        return answer.command
+    raise AssertionError("a command parses its arguments before anything else")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,10 +73,20 @@ def parse(command: type[T], arguments: Sequence[str], name: str, description: st
 
 
 def parse_flags(command: type[T], arguments: Sequence[str], name: str, description: str) -> T:
-    """Parse arguments into a dataclass, flags in COLMAP's spelling (underscores)."""
+    """Parse arguments into a dataclass, flags in COLMAP's spelling (underscores).
+
+    Help that is asked for is printed, and ends the program; so does `Described` where the flags are
+    asked for.
+    """
+    if DESCRIBE in arguments:
+        raise Described(command)
+    wanted = asked(arguments)
+    if wanted is not None and wanted != ALL[0]:
+        print(page(command, name, description, wanted))
+        raise SystemExit(0)
     return tyro.cli(
         command,
-        args=with_full_flags(arguments),
+        args=["--help"] if wanted == ALL[0] else with_full_flags(arguments),
         prog=f"semsfm {name}",
         description=description,
         use_underscores=True,
