@@ -82,7 +82,7 @@ def _lines() -> Iterator[Display]:
 @contextmanager
 def _bar() -> Iterator[Display]:
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn
     from rich.text import Text
 
     class TimeLeft(ProgressColumn):
@@ -100,8 +100,14 @@ def _bar() -> Iterator[Display]:
         TimeLeft(),
     ]
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda label, share: bar.update(task, description=label, completed=share)
+        tasks: list[TaskID] = []  # none until there is something to show
+
+        def show(label: str, share: float) -> None:
+            if not tasks:
+                tasks.append(bar.add_task(label, total=1.0))
+            bar.update(tasks[0], description=label, completed=share)
+
+        yield show
 
 
 def phases_shown(

@@ -156,3 +156,10 @@ def test_a_configuration_with_an_unknown_key_is_refused_with_a_suggestion(tmp_pa
     assert code == 2
     assert "did you mean matching.overlap" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    from semsfm_colmap import __version__
+
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"semsfm {__version__}\n"
