@@ -18,7 +18,7 @@ from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.threads import blas_threads
 from semsfm_colmap.mapping.context import Guide, SeriesContext, silent
 from semsfm_colmap.mapping.drift import drift_notes
-from semsfm_colmap.mapping.finish import MappedPart, Settled, finish
+from semsfm_colmap.mapping.finish import MappedPart, Settled, finish, rests_on
 from semsfm_colmap.mapping.flat import find_flat, flat_note, settle_flat
 from semsfm_colmap.mapping.guided import Guided, refine_guided
 from semsfm_colmap.mapping.no_depth import without_depth
@@ -31,7 +31,6 @@ from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.magnification import magnification_notes, magnification_sigma
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, refine
-from semsfm_colmap.refinement.substance import Substance, substance
 from semsfm_colmap.refinement.trust import compare
 from semsfm_colmap.tracks.diagnosis import diagnose_tracks
 from semsfm_colmap.tracks.split import split_tracks
@@ -244,19 +243,6 @@ def settle(
             perspective=choice,
             notes=tuple(notes),
         )
-    )
-
-
-def rests_on(context: SeriesContext, part: MappedPart) -> Substance:
-    """What the model of a part rests on."""
-    r, trust = part.reconstruction, part.figures.reliability
-    return substance(
-        np.asarray(r.points),
-        r.point_covariance,
-        r.observations.select(r.inlier),
-        rotation_deg=trust.total_rotation_deg,
-        rotation_sigma_deg=trust.total_rotation_sigma_deg,
-        num_given=len(context.image_names),
     )
 
 
