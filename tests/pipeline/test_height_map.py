@@ -172,7 +172,7 @@ def test_a_whole_ball_is_refused_and_a_region_of_it_has_a_height_map(ball, tmp_p
         height_map(copy, options, region=(0.0, 0.0, 5.0, 5.0))
     with pytest.raises(UsageError, match="is empty"):
         height_map(copy, options, region=(50.0, 0.0, 5.0, 5.0))
-    with pytest.raises(UsageError, match="no image of the model"):
+    with pytest.raises(InputError, match="no image is called none.png"):
         height_map(copy, options, region=(0.0, 0.0, 5.0, 5.0), region_image="none.png")
 
 
