@@ -3,7 +3,7 @@
 The public names, loaded when they are first used:
 
 - `reconstruct`, `run_stages`: images to a project; some stages of a project
-- `Config`, `read_config`, `write_config`: all options
+- `Config`, `read_config`, `write_config`, `preset`: all options; those of a quality
 - `merge_projects`: several series of one specimen in one model
 - `segment_project`: specimen and what holds it told apart
 - `plan`: how many images over which angle, or which angles to add to a project
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.colmap.model.pinhole_reading import read_pinhole_model as read_pinhole_model
     from semsfm_colmap.colmap.model.sparse import read_model as read_model
     from semsfm_colmap.config import Config as Config
+    from semsfm_colmap.config import preset as preset
     from semsfm_colmap.config import read_config as read_config
     from semsfm_colmap.config import write_config as write_config
     from semsfm_colmap.evaluation.compare import evaluate as evaluate
@@ -75,6 +76,7 @@ _HOMES = {
     "merge_projects": "pipeline.merge",
     "mesh_colmap": "pipeline.foreign.mesh_colmap",
     "plan": "pipeline.plan",
+    "preset": "config",
     "read_config": "config",
     "read_model": "colmap.model.sparse",
     "read_pinhole_model": "colmap.model.pinhole_reading",

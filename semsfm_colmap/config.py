@@ -17,6 +17,7 @@ from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.io.atomic import write_text
 from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.matching.options import MatchingOptions
+from semsfm_colmap.presets import DEFAULT, PRESETS, QUALITIES, Quality
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.segmentation.options import SegmentationOptions
 from semsfm_colmap.surface.options import SurfaceOptions
@@ -53,6 +54,9 @@ class Config:
 
     """
 
+    quality: Quality = DEFAULT
+    """low, medium, high or extreme: options of several stages at once, from a quick look to the
+    most detail; options given beside it stand above it. In Python see `preset`."""
     # on the command line the ingest options go without a prefix: --pixel_size_um, --crop
     ingest: Annotated[IngestOptions, tyro.conf.arg(name="")] = field(default_factory=IngestOptions)
     """Reading and preparing images"""
@@ -80,6 +84,22 @@ class Config:
     """Threads of feature extraction and matching; -1 for all cores"""
 
 
+def preset(quality: Quality) -> Config:
+    """The options that a quality stands for.
+
+    ``Config.quality`` is what they started from; set by itself it changes nothing.
+
+    Examples
+    --------
+    >>> preset("low").features.first_octave, preset("high") == Config()
+    (0, True)
+
+    """
+    if quality not in QUALITIES:
+        raise UsageError(f"quality = {quality!r} but expected {', '.join(QUALITIES)}")
+    return config_from_dict({"quality": quality})
+
+
 def config_to_dict(config: Config) -> dict[str, Any]:
     """Plain values only, None left out: what TOML can hold."""
 
@@ -99,7 +119,7 @@ def config_from_dict(data: dict[str, Any], source: str = "the configuration") ->
     from pydantic import TypeAdapter, ValidationError
 
     _refuse_unknown(data, source)
-    data = _renamed(data)
+    data = _over_preset(_renamed(data))
     try:
         return TypeAdapter(Config).validate_python(data)
     except ValidationError as error:
@@ -115,6 +135,26 @@ def _renamed(data: dict[str, Any]) -> dict[str, Any]:
         if data.get(section, {}).get(key) == old:
             result[section] = {**result[section], key: new}
     return result
+
+
+def _over_preset(data: dict[str, Any]) -> dict[str, Any]:
+    """What a configuration says, and below it what its quality does."""
+    result = dict(data)
+    chosen = data.get("quality", DEFAULT)
+    for section, options in (PRESETS[chosen] if chosen in QUALITIES else {}).items():
+        result[section] = {**options, **data.get(section, {})}
+    return result
+
+
+def _without_preset(data: dict[str, Any]) -> dict[str, Any]:
+    """What a resolved configuration says beyond its own quality: the user's word."""
+    common = config_to_dict(config_from_dict({"quality": data.get("quality", DEFAULT)}))
+    return {
+        key: {name: option for name, option in value.items() if option != common[key].get(name)}
+        if isinstance(value, dict)
+        else value
+        for key, value in data.items()
+    }
 
 
 def _refuse_unknown(data: dict[str, Any], source: str) -> None:
@@ -137,8 +177,15 @@ def _refuse_unknown(data: dict[str, Any], source: str) -> None:
                     raise UsageError(f"{source}: unknown key {key}.{name}{hint}")
 
 
-def read_config(path: Path | str) -> Config:
-    """Read a TOML file; what it leaves out has its default.
+def read_config(
+    path: Path | str, quality: Quality | None = None, *, resolved: bool = False
+) -> Config:
+    """Read a TOML file; what it leaves out has the default of its quality.
+
+    Parameters
+    ----------
+    quality : in place of the file's; what the file says beyond its own stands above it
+    resolved : the file is a project's, in which all options stand
 
     Parameters
     ----------
@@ -174,6 +221,11 @@ def read_config(path: Path | str) -> Config:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UsageError(f"{path} is not valid TOML: {error}") from error
+    if quality is not None:
+        config_from_dict(data, source=str(path))  # refused as it is, before it is changed
+        if resolved or "quality" in data:
+            data = _without_preset(_renamed(data))
+        data = {**data, "quality": quality}
     return config_from_dict(data, source=str(path))
 
 

@@ -111,6 +111,16 @@ COMMANDS: tuple[Command, ...] = (
         help="render an SEM-like series with exact truth",
         module="synthesize",
     ),
+    Command(
+        name="doctor",
+        help="whether this installation is complete, and what to type where it is not",
+        module="doctor",
+    ),
+    Command(
+        name="completion",
+        help="completion of commands, options and values for bash, zsh or fish",
+        module="completion",
+    ),
 )
 
 

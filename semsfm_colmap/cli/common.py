@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import tyro
 
-from semsfm_colmap.config import Config, read_config
+from semsfm_colmap.cli.help_page import ALL, asked, page
+from semsfm_colmap.config import Config, preset, read_config
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.io.layout import CONFIG_FILE
 from semsfm_colmap.pipeline.reporter import Reporter
+from semsfm_colmap.presets import QUALITIES
 
 T = TypeVar("T")
 
@@ -22,9 +25,29 @@ SHORT_FLAGS = {
 }
 """Flags that may be written short."""
 
+DESCRIBE = "\0describe"
+"""No argument that a person types: asks a command for its flags, see `described`."""
+
 Flattened = Annotated[Config, tyro.conf.arg(name="")]
 Verbose = Annotated[bool, tyro.conf.arg(aliases=["-v"])]
 Quiet = Annotated[bool, tyro.conf.arg(aliases=["-q"])]
+
+
+class Described(SystemExit):
+    """Ends the parsing of a command's arguments with the dataclass that holds its flags."""
+
+    def __init__(self, command: type[Any]) -> None:
+        super().__init__(command.__name__)
+        self.command = command
+
+
+def described(main: Callable[[Sequence[str]], None]) -> type[Any]:
+    """The dataclass of a command's flags, given the function that runs it."""
+    try:
+        main([DESCRIBE])
+    except Described as answer:
+        return answer.command
+    raise AssertionError("a command parses its arguments before anything else")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,10 +73,20 @@ def parse(command: type[T], arguments: Sequence[str], name: str, description: st
 
 
 def parse_flags(command: type[T], arguments: Sequence[str], name: str, description: str) -> T:
-    """Parse arguments into a dataclass, flags in COLMAP's spelling (underscores)."""
+    """Parse arguments into a dataclass, flags in COLMAP's spelling (underscores).
+
+    Help that is asked for is printed, and ends the program; so does `Described` where the flags are
+    asked for.
+    """
+    if DESCRIBE in arguments:
+        raise Described(command)
+    wanted = asked(arguments)
+    if wanted is not None and wanted != ALL[0]:
+        print(page(command, name, description, wanted))
+        raise SystemExit(0)
     return tyro.cli(
         command,
-        args=with_full_flags(arguments),
+        args=["--help"] if wanted == ALL[0] else with_full_flags(arguments),
         prog=f"semsfm {name}",
         description=description,
         use_underscores=True,
@@ -86,17 +119,29 @@ def verbosity(verbose: bool, quiet: bool) -> Reporter:
     return Reporter(verbosity=-1 if quiet else 1 if verbose else 0)
 
 
+def flag_value(arguments: Sequence[str], flag: str) -> str | None:
+    """The value of a flag, given as ``--flag X`` or ``--flag=X``; None where it is not given."""
+    for k, argument in enumerate(arguments):
+        if argument == flag and k + 1 < len(arguments):
+            return arguments[k + 1]
+        if argument.startswith(flag + "="):
+            return argument.split("=", 1)[1]
+    return None
+
+
 def file_config(arguments: Sequence[str], project_path: Path | None = None) -> Config:
-    """The configuration before flags: ``--config_path``, else the project's, else defaults."""
-    args = list(arguments)
-    for k, argument in enumerate(args):
-        if argument == "--config_path" and k + 1 < len(args):
-            return read_config(Path(args[k + 1]))
-        if argument.startswith("--config_path="):
-            return read_config(Path(argument.split("=", 1)[1]))
-    if project_path is not None and (project_path / "semsfm.toml").is_file():
-        return read_config(project_path / "semsfm.toml")
-    return Config()
+    """The configuration before flags: ``--config_path``, else the project's, else defaults.
+
+    ``--quality`` comes before all three: what they say of single options stands above it.
+    """
+    given = flag_value(arguments, "--quality")
+    quality = next((known for known in QUALITIES if known == given), None)
+    path = flag_value(arguments, "--config_path")
+    if path is not None:
+        return read_config(Path(path), quality)
+    if project_path is not None and (project_path / CONFIG_FILE).is_file():
+        return read_config(project_path / CONFIG_FILE, quality, resolved=True)
+    return Config() if quality is None else preset(quality)
 
 
 def with_default_config(command: type[Any], config: Config) -> type[Any]:
@@ -116,7 +161,9 @@ def run_stage_command(
     name: str, stages: Sequence[str], arguments: Sequence[str], description: str
 ) -> None:
     """A command that runs some stages of an existing project."""
+    from semsfm_colmap.pipeline.project import Project
     from semsfm_colmap.pipeline.runner import run_stages
+    from semsfm_colmap.pipeline.summary import say_summary
 
     args = positional_first(arguments)
     project = Path(args[0]) if args and not args[0].startswith("-") else None
@@ -124,10 +171,9 @@ def run_stage_command(
     parsed = parse(command, args, name, description)
     if not parsed.project_path.is_dir():
         raise UsageError(f"{parsed.project_path} is not a folder: give a project folder")
-    run_stages(
-        parsed.project_path,
-        parsed.config,
-        names=stages,
-        reporter=verbosity(parsed.verbose, parsed.quiet),
-        force=parsed.force,
+    reporter = verbosity(parsed.verbose, parsed.quiet)
+    record = run_stages(
+        parsed.project_path, parsed.config, names=stages, reporter=reporter, force=parsed.force
     )
+    if not parsed.quiet:
+        say_summary(Project(parsed.project_path), record, stages, reporter)

@@ -7,27 +7,35 @@ import sys
 from collections.abc import Sequence
 
 from semsfm_colmap.cli.commands import COMMANDS, find_command
+from semsfm_colmap.cli.help_texts import GROUPS
 
 BROKEN_PIPE = 141
 """Exit code of a program that SIGPIPE ends, as shells give it."""
 
 
 def usage() -> str:
-    """The text of `semsfm --help`."""
+    """The text of `semsfm --help`: the commands by purpose."""
     width = max(len(command.name) for command in COMMANDS)
-    lines = [f"  {command.name:<{width}}  {command.help}" for command in COMMANDS]
+    by_name = {command.name: command for command in COMMANDS}
+    named = {name for _, names in GROUPS for name in names}
+    groups = [*GROUPS, ("others", tuple(name for name in by_name if name not in named))]
+    lines = []
+    for purpose, names in groups:
+        known = [by_name[name] for name in names if name in by_name]
+        if known:
+            lines += [f"{purpose}:", *(f"  {c.name:<{width}}  {c.help}" for c in known), ""]
     return "\n".join(
         [
             "usage: semsfm COMMAND [options]",
             "",
             "3-D reconstruction from scanning electron microscope images (parallel projection).",
             "",
+            "  semsfm inspect IMAGES",
             "  semsfm reconstruct IMAGES --output_path PROJECT",
             "",
-            "commands:",
             *lines,
-            "",
-            "`semsfm COMMAND --help` lists the options of a command.",
+            "`semsfm COMMAND --help` has examples and the options used first, --help-all all of",
+            "them, --help SECTION those of a section; `semsfm --version` says the version.",
         ]
     )
 
@@ -81,11 +89,23 @@ def run(args: list[str]) -> int:
         return 130
     except BrokenPipeError:
         raise
+    except ImportError as error:
+        print(f"semsfm {args[0]}: {does_not_load(error)}", file=sys.stderr)
+        return 1
     except OSError as error:
+        if ".so" in str(error) and error.errno is None:  # a shared object, by ctypes
+            print(f"semsfm {args[0]}: {does_not_load(error)}", file=sys.stderr)
+            return 1
         place = f"{error.filename}: " if error.filename else ""
         print(f"semsfm {args[0]}: {place}{error.strerror or error}", file=sys.stderr)
         return 2
     return 0
+
+
+def does_not_load(error: Exception) -> str:
+    """A sentence for a library that is missing, or that misses a part of the system."""
+    reason = str(error).splitlines()[0].rstrip(".") if str(error) else type(error).__name__
+    return f"a library does not load ({reason}): `semsfm doctor` says what to install"
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from semsfm_colmap.cli.common import (
     verbosity,
     with_default_config,
 )
+from semsfm_colmap.cli.help_page import help_alone
 from semsfm_colmap.config import Config
 
 DESCRIPTION = """Cameras and points from the verified matches of a project. Also
@@ -50,8 +51,7 @@ def main(arguments: Sequence[str]) -> None:
         run_stage_command("map", ("map",), arguments, DESCRIPTION)
         return
     args = list(arguments)
-    if "--help" in args or "-h" in args:
-        args = ["--help"]
+    args = help_alone(args)
     command = with_default_config(DatabaseArguments, file_config(args))
     parsed = parse_flags(command, args, "map", "Cameras and points from any COLMAP database.")
     from semsfm_colmap.pipeline.foreign.map_database import map_database

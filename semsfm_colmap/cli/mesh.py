@@ -15,6 +15,7 @@ from semsfm_colmap.cli.common import (
     run_stage_command,
     verbosity,
 )
+from semsfm_colmap.cli.help_page import help_alone
 from semsfm_colmap.surface.options import SurfaceOptions
 
 DESCRIPTION = """Surface mesh and texture of a project. Also
@@ -60,8 +61,7 @@ def main(arguments: Sequence[str]) -> None:
 def mesh_folder(arguments: Sequence[str], name: str = "mesh") -> None:
     """Mesh a COLMAP folder as the arguments say."""
     args = list(arguments)
-    if "--help" in args or "-h" in args:
-        args = ["--help"]
+    args = help_alone(args)
     surface = file_config(args).surface
     command = make_dataclass(
         FolderArguments.__name__,

@@ -54,25 +54,31 @@ class ReconstructArguments(Arguments):
 def main(arguments: Sequence[str]) -> None:
     """Run the command."""
     from semsfm_colmap.pipeline.foreign.import_database import reconstruct_from_database
+    from semsfm_colmap.pipeline.project import Project
+    from semsfm_colmap.pipeline.registry import STAGE_NAMES
     from semsfm_colmap.pipeline.runner import run_stages
+    from semsfm_colmap.pipeline.summary import say_summary
 
     args = positional_first(arguments)
     command = with_default_config(ReconstructArguments, file_config(args))
     parsed = parse(command, args, "reconstruct", DESCRIPTION)
+    reporter = verbosity(parsed.verbose, parsed.quiet)
     if parsed.database_path is not None:
-        reconstruct_from_database(
+        record = reconstruct_from_database(
             parsed.image_path,
             parsed.database_path,
             parsed.output_path,
             parsed.config,
-            reporter=verbosity(parsed.verbose, parsed.quiet),
+            reporter=reporter,
             force=parsed.force,
         )
-        return
-    run_stages(
-        parsed.output_path,
-        parsed.config,
-        image_path=parsed.image_path,
-        reporter=verbosity(parsed.verbose, parsed.quiet),
-        force=parsed.force,
-    )
+    else:
+        record = run_stages(
+            parsed.output_path,
+            parsed.config,
+            image_path=parsed.image_path,
+            reporter=reporter,
+            force=parsed.force,
+        )
+    if not parsed.quiet:
+        say_summary(Project(parsed.output_path), record, STAGE_NAMES, reporter)

@@ -30,6 +30,20 @@ def silent(sentence: str) -> None:
     """Say nothing."""
 
 
+PHASES = {
+    "first model": 0.2,
+    "guided passes": 0.5,
+    "camera models": 0.1,
+    "error bars and hand": 0.2,
+}
+"""What mapping goes through, and about what share of its time each takes: series of 13 to 48
+images."""
+
+
+def unwatched(phase: str, done: int, total: int) -> None:
+    """Nobody watches how far mapping has come."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeriesContext:
     """A series of images, what is known of it, and how it is to be mapped."""
@@ -54,6 +68,8 @@ class SeriesContext:
     seed: int = 0
     say: Callable[[str], None] = silent
     """called with a sentence after each step"""
+    progress: Callable[[str, int, int], None] = unwatched
+    """called with one of `PHASES`, how much of it is done and how much there is"""
 
     @property
     def height_px(self) -> Float:

@@ -31,6 +31,7 @@ from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.model_choice import DRIFT_RUNG, ModelComparison
 from semsfm_colmap.refinement.perspective_choice import PerspectiveChoice
 from semsfm_colmap.refinement.refine import Refined
+from semsfm_colmap.refinement.substance import Substance, substance
 from semsfm_colmap.refinement.trust import reliability, uncertainty_of
 from semsfm_colmap.types import DepthSign, Float, Observations, OrthographicCameras, Reconstruction
 
@@ -162,6 +163,19 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
                 *perspective_notes(perspective, trust.total_rotation_sigma_deg),
             ),
         ),
+    )
+
+
+def rests_on(context: SeriesContext, part: MappedPart) -> Substance:
+    """What the model of a part rests on."""
+    r, trust = part.reconstruction, part.figures.reliability
+    return substance(
+        np.asarray(r.points),
+        r.point_covariance,
+        r.observations.select(r.inlier),
+        rotation_deg=trust.total_rotation_deg,
+        rotation_sigma_deg=trust.total_rotation_sigma_deg,
+        num_given=len(context.image_names),
     )
 
 

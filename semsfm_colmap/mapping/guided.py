@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,8 +102,13 @@ def settle(
     """Passes until the cameras no longer turn; None where one gives no model of all images."""
     value, seeds = first, observations
     settled: Settling | None = None
-    for k in range(guide.options.rounds):
-        step = grow_part(value, seeds, guide, extend=k > 0, seed=context.seed)
+    rounds = guide.options.rounds
+    for k in range(rounds):
+
+        def looked(done: int, total: int, k: int = k) -> None:
+            context.progress("guided passes", k * total + done, rounds * total)
+
+        step = grow_part(value, seeds, guide, extend=k > 0, seed=context.seed, progress=looked)
         if step is None:
             return None
         adjusted = refine(
@@ -147,7 +153,13 @@ def camera_turn(before: Refined, after: Refined) -> float:
 
 
 def grow_part(
-    value: Refined, observations: Observations, guide: Guide, *, extend: bool, seed: int
+    value: Refined,
+    observations: Observations,
+    guide: Guide,
+    *,
+    extend: bool,
+    seed: int,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Grown | None:
     """`grow_tracks` on the registered images; the result is numbered as the series."""
     images = value.images
@@ -160,6 +172,7 @@ def grow_part(
         read_mask=lambda i: guide.read_mask(int(images[i])),
         read_keypoints=lambda i: guide.read_keypoints(int(images[i])),
         seed=seed,
+        progress=progress,
     )
     if grown is None:
         return None

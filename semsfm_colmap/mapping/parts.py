@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from itertools import count
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.geometry.threads import blas_threads
 from semsfm_colmap.mapping.context import Guide, SeriesContext, silent
 from semsfm_colmap.mapping.drift import drift_notes
-from semsfm_colmap.mapping.finish import MappedPart, Settled, finish
+from semsfm_colmap.mapping.finish import MappedPart, Settled, finish, rests_on
 from semsfm_colmap.mapping.flat import find_flat, flat_note, settle_flat
 from semsfm_colmap.mapping.guided import Guided, refine_guided
 from semsfm_colmap.mapping.no_depth import without_depth
@@ -30,7 +31,6 @@ from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.magnification import magnification_notes, magnification_sigma
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, refine
-from semsfm_colmap.refinement.substance import Substance, substance
 from semsfm_colmap.refinement.trust import compare
 from semsfm_colmap.tracks.diagnosis import diagnose_tracks
 from semsfm_colmap.tracks.split import split_tracks
@@ -43,6 +43,8 @@ WEAK_NOTE = (
     "the tracks tie the series together weakly: over the whole of it the angles may have drifted "
     "off though neighbours fit; match images further apart, so that tracks last longer"
 )
+NUM_ROUNDS_SHOWN = 8
+"""Rounds of filtering that the progress takes for the first model: seldom more."""
 MAGNIFICATION_ROUNDS = 2
 """The first estimate of its width has the noise of too narrow a prior."""
 REPEATABLE_IMAGES = 60
@@ -174,6 +176,7 @@ def map_part(
     settled = settle(context, first, guided, straight, asked)
     if settled.value is None:
         return Solution(value=None, status=settled.status, message=settled.message)
+    context.progress("error bars and hand", 0, 1)
     mapped = finish(context, settled.value)
     rests = rests_on(context, mapped)
     if rests.is_noise:
@@ -210,6 +213,7 @@ def settle(
         choice = judge_perspective(context, value)
     sizes = context.image_size_px[value.images].astype(np.float64)
     further = () if choice is None or not choice.found else (choice.rung,)
+    context.progress("camera models", 0, 1)
     comparison = compare(value, context.refinement, sizes[:, 1], sizes, further)
     flat = find_flat(first.refined, value)
     agreement = None
@@ -248,23 +252,11 @@ def settle(
     )
 
 
-def rests_on(context: SeriesContext, part: MappedPart) -> Substance:
-    """What the model of a part rests on."""
-    r, trust = part.reconstruction, part.figures.reliability
-    return substance(
-        np.asarray(r.points),
-        r.point_covariance,
-        r.observations.select(r.inlier),
-        rotation_deg=trust.total_rotation_deg,
-        rotation_sigma_deg=trust.total_rotation_sigma_deg,
-        num_given=len(context.image_names),
-    )
-
-
 def first_model(
     context: SeriesContext, part: Part, observations: Observations, rng: np.random.Generator
 ) -> Solution[First]:
     """Factorize a part and refine it, or say why it gives no model."""
+    context.progress("first model", 0, 1)
     rank = diagnose_rank(part.blocks)
     if rank.status != "ok" and not (rank.status == "planar" and context.tilt is not None):
         status, message = without_depth(rank, context.tilt, list(context.names_of(part.images)))
@@ -290,7 +282,10 @@ def first_model(
         seed=context.seed,
     )
 
+    rounds = count(1)
+
     def tell(r: FilteringRound) -> None:
+        context.progress("first model", next(rounds), NUM_ROUNDS_SHOWN)
         context.say(
             f"within {r.threshold_px:.2f} px: {r.num_images} images, {r.num_points} points, "
             f"{r.num_observations} observations, sigma {r.sigma_px:.3f} px"

@@ -1,16 +1,16 @@
-"""What the user sees while a stage runs: progress bars on a terminal, plain lines elsewhere."""
+"""What the user hears of a run: sentences, warnings and progress, on the console and in the log."""
 
 from __future__ import annotations
 
 import logging
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from semsfm_colmap.pipeline.progress import display, phases_shown
+
 LOGGER = logging.getLogger("semsfm")
-SECONDS_BETWEEN_LINES = 5.0
 
 
 class Reporter:
@@ -74,32 +74,23 @@ class Reporter:
         if self.verbosity < 0:
             yield lambda done, total: None
             return
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import (
-                BarColumn,
-                MofNCompleteColumn,
-                Progress,
-                TextColumn,
-                TimeRemainingColumn,
-            )
+        with display() as show:
+            show(label, 0.0)
+            yield lambda done, total: show(label, done / max(total, 1))
 
-            columns = (
-                TextColumn("  {task.description}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                TimeRemainingColumn(),
-            )
-            with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-                task = bar.add_task(label, total=None)
-                yield lambda done, total: bar.update(task, completed=done, total=total)
+    @contextmanager
+    def phases(
+        self, name: str, shares: Mapping[str, float]
+    ) -> Iterator[Callable[[str, int, int], None]]:
+        """A function (phase, done, total) to call now and then.
+
+        Parameters
+        ----------
+        shares : of the time that each phase takes, see `phases_shown`
+
+        """
+        if self.verbosity < 0:
+            yield lambda phase, done, total: None
             return
-        last = time.monotonic()
-
-        def plain(done: int, total: int) -> None:
-            nonlocal last
-            if time.monotonic() - last >= SECONDS_BETWEEN_LINES and done < total:
-                last = time.monotonic()
-                print(f"  {label}: {done} / {total}", file=sys.stderr, flush=True)
-
-        yield plain
+        with display() as show:
+            yield phases_shown(name, shares, show)

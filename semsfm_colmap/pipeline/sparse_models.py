@@ -58,7 +58,7 @@ def map_series(
 
     """
     from semsfm_colmap.ingest.series.tilt import recorded_displacements, tilt_prior
-    from semsfm_colmap.mapping.context import SeriesContext
+    from semsfm_colmap.mapping.context import PHASES, SeriesContext
     from semsfm_colmap.mapping.keypoints import append_keypoints
     from semsfm_colmap.mapping.merged import places_in, series_apart, series_notes
     from semsfm_colmap.mapping.parts import map_parts
@@ -84,7 +84,8 @@ def map_series(
         seed=config.seed,
         say=reporter.detail,
     )
-    solution = map_parts(context, matched.observations)
+    with reporter.phases("map", PHASES) as progress:
+        solution = map_parts(replace(context, progress=progress), matched.observations)
     if solution.value is None:
         raise InputError(solution.message)
     together = []
@@ -103,15 +104,17 @@ def map_series(
     parts, keypoints = append_keypoints(solution.value, matched.keypoints)
     if write_guided is not None:
         write_guided(keypoints, parts)
-    models = write_parts(
-        parts,
-        sparse_path,
-        matched.database_images,
-        keypoints,
-        matched.keypoints,
-        config,
-        image_path,
-    )
+    with reporter.progress("map: writing") as written:
+        models = write_parts(
+            parts,
+            sparse_path,
+            matched.database_images,
+            keypoints,
+            matched.keypoints,
+            config,
+            image_path,
+            written,
+        )
     figures, r = parts[0].figures, parts[0].reconstruction
     notes = (
         r.depth_sign.message,
@@ -149,6 +152,7 @@ def write_parts(
     measured: Mapping[str, Float],
     config: Config,
     image_path: Path | None,
+    progress: Callable[[int, int], None],
 ) -> list[ModelEntry]:
     """Write every part and its twin as a model of its own, numbered from 0; what was written.
 
@@ -162,6 +166,7 @@ def write_parts(
 
     models: list[ModelEntry] = []
     for k, part in enumerate(parts):
+        progress(k, len(parts))
         color = None if image_path is None else point_colors(part.reconstruction, image_path)
         for kind, reconstruction in (("model", part.reconstruction), ("twin", part.twin)):
             if reconstruction is None:

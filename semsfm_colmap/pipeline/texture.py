@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,13 +19,15 @@ def write_texture(
     image_path: Path,
     folder: Path,
     options: SurfaceOptions,
+    *,
+    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[str, ...]:
     """Write mesh.glb, mesh.obj and shading.json into a folder; what to say where that cannot be."""
     from semsfm_colmap.surface.files import write_shading, write_textured
     from semsfm_colmap.surface.texture.atlas import texture_mesh
 
     try:
-        textured, shading = texture_mesh(surface, model, image_path, options)
+        textured, shading = texture_mesh(surface, model, image_path, options, progress=progress)
         write_textured(textured, folder)
         write_shading(shading, model.image_names, folder / "shading.json")
     except (ImportError, MissingDependencyError) as error:

@@ -131,14 +131,20 @@ GONIOMETER_FIGURES = (
 
 
 def draw_figures(
-    inputs: ReportInputs, metrics: Metrics, options: ReportOptions | None = None
+    inputs: ReportInputs,
+    metrics: Metrics,
+    options: ReportOptions | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[DrawnFigure, ...]:
     """Draw all figures in the order of `FIGURES`, and those of the goniometer where it measured."""
     dpi = (options or ReportOptions()).figure_dpi
     data = gather(inputs, metrics)
     drawn = []
     further = () if inputs.goniometer is None else GONIOMETER_FIGURES
-    for kind in (*FIGURES, *further):
+    kinds = (*FIGURES, *further)
+    for done, kind in enumerate(kinds):
+        if progress is not None:
+            progress(done, len(kinds))
         result = kind.draw(data)
         if isinstance(result, str):
             figure = DrawnFigure(name=kind.name, caption=kind.caption, png=None, reason=result)

@@ -12,7 +12,15 @@ from importlib import resources
 
 from semsfm_colmap.report.figures import GONIOMETER_FIGURES, DrawnFigure
 from semsfm_colmap.report.html_goniometer import goniometer_table
-from semsfm_colmap.report.html_parts import bullets, hint, image, script_json, section, text
+from semsfm_colmap.report.html_parts import (
+    bullets,
+    hint,
+    image,
+    remedies,
+    script_json,
+    section,
+    text,
+)
 from semsfm_colmap.report.html_tables import (
     guided_table,
     images_table,
@@ -51,15 +59,20 @@ def _asset(name: str) -> str:
 
 def _verdict(metrics: Metrics) -> str:
     verdict = judge(metrics)
-    body = bullets(verdict.facts)
+    notes = verdict.not_said(metrics.notes)
+    body = f"<h3>What was measured</h3>{bullets(verdict.measured)}"
+    if verdict.trust:
+        body += f"<h3>How far to trust it</h3>{bullets(verdict.trust)}"
     if verdict.doubts:
-        body += f'<div class="doubts"><h3>What to doubt</h3>{bullets(verdict.doubts)}</div>'
+        listed = remedies((d.sentence, f"{d.action}.") for d in verdict.doubts)
+        body += f'<div class="doubts"><h3>What to doubt, and what to do next</h3>{listed}</div>'
     else:
         nothing = "The checks of the report found nothing"
-        beside = " beside what the notes from the run say" if metrics.notes else ""
+        beside = " beside what the notes from the run say" if notes else ""
         body += "<h3>What to doubt</h3>" + bullets([f"{nothing}{beside}."])
-    if metrics.notes:
-        body += f"<h3>Notes from the run</h3>{bullets(metrics.notes)}"
+        body += f"<h3>What to do next</h3>{bullets(verdict.next)}"
+    if notes:
+        body += f"<h3>Notes from the run</h3>{bullets(notes)}"
     kind = "verdict doubtful" if verdict.doubts else "verdict"
     return section("Verdict", body + hint(CAVEATS), anchor="verdict", kind=kind)
 

@@ -17,7 +17,17 @@ def text(value: object) -> str:
 
 def bullets(sentences: Iterable[str]) -> str:
     """A list of sentences."""
-    return "<ul>" + "".join(f"<li>{text(s)}</li>" for s in sentences) + "</ul>"
+    return bullets_of(text(s) for s in sentences)
+
+
+def bullets_of(items: Iterable[str]) -> str:
+    """A list of pieces that are markup already."""
+    return "<ul>" + "".join(f"<li>{item}</li>" for item in items) + "</ul>"
+
+
+def remedies(pairs: Iterable[tuple[str, str]]) -> str:
+    """A list of sentences, each with what to do about it below."""
+    return bullets_of(f'{text(s)}<div class="remedy">{text(r)}</div>' for s, r in pairs)
 
 
 def section(title: str, body: str, *, anchor: str, kind: str = "") -> str:

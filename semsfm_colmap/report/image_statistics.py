@@ -11,7 +11,7 @@ from semsfm_colmap.report.frames import Frames
 from semsfm_colmap.report.inputs import ReportInputs
 from semsfm_colmap.report.match_statistics import FrameMatches, matches_per_frame
 from semsfm_colmap.report.motion_statistics import MotionColumns
-from semsfm_colmap.types import Array, Float
+from semsfm_colmap.types import Array, Float, Reconstruction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +62,12 @@ def _rows(values: Array | None, frames: Frames) -> list[tuple[float, ...] | None
     return [tuple(row) for row in values[frames.image_idx].tolist()]
 
 
+def relative_scale(rec: Reconstruction, frames: Frames) -> Float:
+    """(M,) magnification of the registered images over their median."""
+    scale = rec.cameras.scale_px_per_unit[frames.image_idx]
+    return scale / np.median(scale) if len(scale) else scale
+
+
 def _poses(
     inputs: ReportInputs, frames: Frames, residual: Float, motion: MotionColumns
 ) -> list[PoseMetrics]:
@@ -74,7 +80,7 @@ def _poses(
     square = np.bincount(idx[kept], weights=np.sum(residual[kept] ** 2, axis=1), minlength=num)
     rms = _known(np.sqrt(square[frames.image_idx] / np.where(count > 0, 2.0 * count, np.nan)))
     scale = rec.cameras.scale_px_per_unit[frames.image_idx]
-    relative = scale / np.median(scale) if num else scale
+    relative = relative_scale(rec, frames)
     sigma_scale = np.full(num, np.nan) if rec.sigma_scale is None else rec.sigma_scale
     sigma_relative = _known(sigma_scale[frames.image_idx])
     rotation = None if rec.sigma_rotation_rad is None else np.rad2deg(rec.sigma_rotation_rad)

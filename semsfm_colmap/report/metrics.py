@@ -15,8 +15,9 @@ import numpy as np
 from semsfm_colmap.records import GuidedFigures, ModelEntry, Reliability, SurfaceHalves
 from semsfm_colmap.report.filtering_statistics import RoundMetrics, filtering_statistics
 from semsfm_colmap.report.frames import order_frames
-from semsfm_colmap.report.image_statistics import ImageMetrics, image_statistics
+from semsfm_colmap.report.image_statistics import ImageMetrics, image_statistics, relative_scale
 from semsfm_colmap.report.inputs import ReportInputs, StageUsage
+from semsfm_colmap.report.magnification_trend import MagnificationTrend, magnification_trend
 from semsfm_colmap.report.match_statistics import MatchMetrics, match_statistics
 from semsfm_colmap.report.mesh_statistics import MeshMetrics, mesh_statistics
 from semsfm_colmap.report.motion_statistics import RotationMetrics, motion_statistics
@@ -72,8 +73,12 @@ class Metrics:
     guided: GuidedFigures | None
     telecentric: ModelEntry | None
     """the model as it was written, with a pinhole camera far away"""
+    models: tuple[ModelEntry, ...]
+    """all that lie below sparse/"""
     mesh: MeshMetrics | None
     cloud: CloudMetrics | None
+    magnification_trend: MagnificationTrend | None
+    """the part of the magnification that follows the angle; None for few images or no rotation"""
     stages: tuple[StageUsage, ...]
     versions: Mapping[str, str]
     notes: tuple[str, ...]
@@ -115,8 +120,10 @@ def compute_metrics(inputs: ReportInputs) -> Metrics:
         filtering_rounds=filtering_statistics(inputs.rounds),
         guided=inputs.guided,
         telecentric=inputs.models[0] if inputs.models else None,
+        models=inputs.models,
         mesh=None if inputs.mesh is None else mesh_statistics(inputs.mesh),
         cloud=None if inputs.cloud is None else _cloud(inputs.cloud, inputs.surface_halves),
+        magnification_trend=magnification_trend(motion.angle_deg, relative_scale(rec, frames)),
         stages=inputs.stages,
         versions=inputs.versions,
         notes=(*inputs.notes, *inputs.series.warnings),

@@ -18,6 +18,7 @@ from semsfm_colmap.report.metrics import Metrics
 from semsfm_colmap.report.motion_statistics import RotationMetrics
 from semsfm_colmap.report.residual_statistics import AxisResiduals, ResidualMetrics
 from semsfm_colmap.report.structure_statistics import StructureMetrics
+from semsfm_colmap.report.verdict import Verdict, judge
 
 FORMAT = "semsfm-metrics"
 VERSION = 1
@@ -33,6 +34,7 @@ def metrics_json(metrics: Metrics) -> Json:
         {
             "format": FORMAT,
             "version": VERSION,
+            "verdict": _verdict(judge(m)),
             "images": to_plain(m.images),
             "world": to_plain(m.world),
             "structure": _structure(m.structure),
@@ -55,6 +57,9 @@ def metrics_json(metrics: Metrics) -> Json:
                 "focal_length_px": m.telecentric.focal_length_px,
                 "max_deviation_px": m.telecentric.max_deviation_px,
             },
+            "magnification_trend": None
+            if m.magnification_trend is None
+            else to_plain(m.magnification_trend),
             "mesh": None if m.mesh is None else _mesh(m.mesh),
             "cloud": None if m.cloud is None else to_plain(m.cloud),
             "stages": [to_plain(stage) for stage in m.stages],
@@ -65,6 +70,19 @@ def metrics_json(metrics: Metrics) -> Json:
         }
     )
     return result
+
+
+def _verdict(verdict: Verdict) -> Json:
+    doubts = [
+        {"title": d.title, "size": d.size, "sentence": d.sentence, "action": d.action}
+        for d in verdict.doubts
+    ]
+    return {
+        "measured": verdict.measured,
+        "trust": verdict.trust,
+        "doubts": doubts,
+        "next": verdict.next,
+    }
 
 
 def _structure(s: StructureMetrics) -> Json:

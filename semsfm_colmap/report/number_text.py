@@ -70,6 +70,27 @@ def percent(fraction: float | None, digits: int = 1) -> str:
     return f"{shown:.{digits}f}{THIN_SPACE}%"
 
 
+SURE = 0.99
+"""No confidence above this was checked finely: 81 of 81 simulated scenes, and 294 of 294 with a
+known tilt, had the hand that was claimed with more (docs/depth_reversal.md)."""
+
+
+def confidence(probability: float) -> str:
+    """A probability as finely as it is calibrated: whole percents, and ``above 99 %``.
+
+    Examples
+    --------
+    >>> [confidence(p).replace(THIN_SPACE, " ") for p in (0.5, 0.961, 0.9998)]
+    ['50 %', '96 %', 'above 99 %']
+
+    """
+    if probability > SURE:
+        return f"above 99{THIN_SPACE}%"
+    if probability < 1.0 - SURE:
+        return f"below 1{THIN_SPACE}%"
+    return f"{100.0 * probability:.0f}{THIN_SPACE}%"
+
+
 def listed(names: Sequence[str]) -> str:
     """The first few names and how many more there are."""
     more = len(names) - MAX_NAMES

@@ -1,33 +1,47 @@
-"""The numbers as plain sentences: what came out, and what to doubt, the largest first."""
+"""The numbers as plain sentences: what was measured, how far to trust it, what to do next."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from semsfm_colmap.report.doubts import evidence, find_doubts, sentence_of
+from semsfm_colmap.report.doubt import Doubt
+from semsfm_colmap.report.doubts import find_doubts
 from semsfm_colmap.report.metrics import Metrics
 from semsfm_colmap.report.motion_statistics import RotationMetrics
-from semsfm_colmap.report.number_text import (
-    count,
-    fixed,
-    measured,
-    number,
-    percent,
-    unit_text,
+from semsfm_colmap.report.number_text import count, fixed, measured, number, unit_text
+from semsfm_colmap.report.trust_text import SAID_OF_THE_RUN, trust_sentences
+
+SAME_RANGE = 0.01
+"""Range about the fitted axis and total rotation are the same number up to this share: a full turn
+has a range of 360 and a largest rotation of 180 degrees, and their error bars are not the same."""
+CHECK_A_LENGTH = (
+    "Compare a length that you know, for a formal σ is not an accuracy (`semsfm measure`)."
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """The box at the top of the report."""
+    """The box at the top of the report, and the end of a command."""
 
-    facts: tuple[str, ...]
-    doubts: tuple[str, ...]
+    measured: tuple[str, ...]
+    trust: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
     """the largest first"""
 
+    @property
+    def next(self) -> tuple[str, ...]:
+        """What to do: what settles the doubts, each once; of a sound model, a check by hand."""
+        actions = dict.fromkeys(f"{d.action[:1].upper()}{d.action[1:]}." for d in self.doubts)
+        return tuple(actions) or (CHECK_A_LENGTH,)
 
-def _facts(m: Metrics) -> Iterator[str]:
+    def not_said(self, notes: tuple[str, ...]) -> tuple[str, ...]:
+        """The notes of the run that no sentence of the verdict says already."""
+        covered = tuple(start for doubt in self.doubts for start in doubt.covers)
+        return tuple(note for note in notes if not note.startswith(covered + SAID_OF_THE_RUN))
+
+
+def _measured(m: Metrics) -> Iterator[str]:
     images, structure, world, r = m.images, m.structure, m.world, m.residuals
     registered = f"{images.num_registered} of {count(images.num_given, 'image')} registered"
     if structure.num_observations == 0:
@@ -38,33 +52,13 @@ def _facts(m: Metrics) -> Iterator[str]:
             f"{count(structure.num_observations, 'observation')}, each seen in "
             f"{number(structure.mean_track_length)} images on average."
         )
+    if m.rotation is not None:
+        yield from _of_motion(m, m.rotation)
     if world.unit == "um":
         nm = f"one pixel is {number(world.pixel_size_nm, 4)} nm"
         yield f"The model is in micrometres: {nm} ({world.pixel_size_source})."
     else:
         yield "The model is in pixels: no pixel size is known."
-    if r is not None:
-        nm = (
-            f" ({number(r.x.sigma_nm)} nm in x, {number(r.y.sigma_nm)} nm in y)"
-            if r.x.sigma_nm is not None
-            else ""
-        )
-        yield (
-            f"Residuals have σ = {number(r.x.sigma_px)} px in x and "
-            f"{number(r.y.sigma_px)} px in y{nm}, over "
-            f"{count(r.num_residuals, 'kept observation')}."
-        )
-    if m.rotation is not None:
-        sigma = None if m.reliability is None else m.reliability.total_rotation_sigma_deg
-        yield from _facts_of_motion(m.rotation, sigma)
-    sign = m.depth_sign
-    if sign.status == "resolved":
-        # the cues say what the program's own sentence does; a user's word they do not
-        word = f" {sentence_of(sign.message)}" if "user" in sign.evidence else ""
-        yield (
-            f"Depth sign: resolved, with a confidence of {percent(sign.confidence)}."
-            f"{evidence(sign)}{word}"
-        )
     if m.mesh is not None and m.mesh.bounding_box is not None:
         mesh, u = m.mesh, unit_text(world.unit)
         size = " × ".join(number(s) for s in m.mesh.bounding_box.size_world)
@@ -73,11 +67,28 @@ def _facts(m: Metrics) -> Iterator[str]:
             f"{count(mesh.num_components, 'component')}, an area of "
             f"{number(mesh.area_world2)} {u}², and fits a box of {size} {u}."
         )
+    if r is not None:
+        nm = (
+            f" ({number(r.x.sigma_nm, 2)} nm in x, {number(r.y.sigma_nm, 2)} nm in y)"
+            if r.x.sigma_nm is not None
+            else ""
+        )
+        yield (
+            f"Residuals have σ = {number(r.x.sigma_px, 2)} px in x and "
+            f"{number(r.y.sigma_px, 2)} px in y{nm}, over "
+            f"{count(r.num_residuals, 'kept observation')}."
+        )
 
 
-def _facts_of_motion(rotation: RotationMetrics, sigma_deg: float | None) -> Iterator[str]:
+def _of_motion(m: Metrics, rotation: RotationMetrics) -> Iterator[str]:
+    sigma = None
+    trust = m.reliability
+    if trust is not None and abs(trust.total_rotation_deg - rotation.range_deg) < (
+        SAME_RANGE * rotation.range_deg
+    ):
+        sigma = trust.total_rotation_sigma_deg
     yield (
-        f"The specimen turned through {measured(rotation.range_deg, sigma_deg)}° about one axis, "
+        f"The specimen turned through {measured(rotation.range_deg, sigma)}° about one axis, "
         f"in steps of {number(rotation.median_step_deg)}° (median), with a wobble of "
         f"{fixed(rotation.wobble_rms_deg, 2)}° rms."
     )
@@ -88,22 +99,12 @@ def _facts_of_motion(rotation: RotationMetrics, sigma_deg: float | None) -> Iter
             f"{number(closing.last_to_first_deg)}°, against a median step of "
             f"{number(closing.median_step_deg)}°."
         )
-    tilt = rotation.stage_tilt
-    if tilt is not None and tilt.agrees is not False:
-        follow = (
-            "The angles follow the recorded tilt with"
-            if tilt.agrees
-            else "Against the recorded tilt, by which they were not judged, the angles have"
-        )
-        yield (
-            f"{follow} a slope of {number(tilt.slope, 4)} and {number(tilt.rms_deg, 2)}° rms "
-            f"over {count(tilt.num_images, 'image')}."
-        )
 
 
 def judge(metrics: Metrics) -> Verdict:
-    """The facts and the doubts that follow from the metrics."""
+    """What the metrics say."""
     return Verdict(
-        facts=tuple(_facts(metrics)),
-        doubts=tuple(doubt.sentence for doubt in find_doubts(metrics)),
+        measured=tuple(_measured(metrics)),
+        trust=tuple(trust_sentences(metrics)),
+        doubts=tuple(find_doubts(metrics)),
     )

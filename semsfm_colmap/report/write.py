@@ -6,6 +6,7 @@ new one, and never half of either. Other files in the folder are left alone.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from semsfm_colmap.errors import UsageError
@@ -28,14 +29,19 @@ def _write_figures(figures: tuple[DrawnFigure, ...], folder: Path) -> None:
 
 
 def write_report(
-    inputs: ReportInputs, report_path: Path, options: ReportOptions | None = None
+    inputs: ReportInputs,
+    report_path: Path,
+    options: ReportOptions | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Metrics:
     """Compute the metrics, draw the figures and the page, and put them into `report_path`.
 
-    Returns the metrics; raises UsageError when the folder cannot be written.
+    `progress` is called with the number of figures drawn and their total. Returns the metrics;
+    raises UsageError when the folder cannot be written.
     """
     metrics = compute_metrics(inputs)
-    figures = draw_figures(inputs, metrics, options)
+    figures = draw_figures(inputs, metrics, options, progress)
     page = render_page(inputs, metrics, figures, options)
     try:
         with (

@@ -51,7 +51,7 @@ def test_every_command_has_help_with_colmaps_spelling(command, capsys):
     assert stop.value.code == 0
     text = capsys.readouterr().out
     flags = re.findall(r"--[a-z][a-z0-9_.-]*", text)
-    assert not [f for f in flags if "-" in f[2:] and not f.startswith("--no-")]
+    assert not [f for f in flags if "-" in f[2:] and f != "--help-all"]
 
 
 def test_unknown_commands_and_flags_are_usage_errors(capsys):
@@ -156,3 +156,10 @@ def test_a_configuration_with_an_unknown_key_is_refused_with_a_suggestion(tmp_pa
     assert code == 2
     assert "did you mean matching.overlap" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    from semsfm_colmap import __version__
+
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"semsfm {__version__}\n"

@@ -23,9 +23,10 @@ def run(on: StageRun) -> ExtractRecord:
     options, trial = on.config.features, None
     num_threads = on.executor.num_workers
     if options.upright is None and len(series.names) > 2:
-        trial = try_project_orientations(
-            project, series, num_threads=num_threads, seed=on.config.seed
-        )
+        with on.reporter.progress("upright or turned") as progress:
+            trial = try_project_orientations(
+                project, series, num_threads=num_threads, seed=on.config.seed, progress=progress
+            )
         options = replace(options, upright=trial.upright)
     if on.fresh:
         remove_database(project.database)

@@ -58,10 +58,12 @@ def half_surface(on: StageRun, part: Reconstruction) -> PointCloud:
         names = write_depth_maps(
             on, part, references, Path(folder), "depth maps of half of the frames"
         )
-        return fuse(
-            DepthMapFolder(folder, names),
-            part,
-            project.images,
-            options,
-            parallel_map=on.executor.map,
-        )
+        with on.reporter.progress("fusing half of the frames") as progress:
+            return fuse(
+                DepthMapFolder(folder, names),
+                part,
+                project.images,
+                options,
+                progress=progress,
+                parallel_map=on.executor.map,
+            )

@@ -35,7 +35,8 @@ def run(on: StageRun) -> MeshRecord:
     if part != ALL:
         # depth maps show all parts
         cloud, views = select_part(cloud, project.segments, part), ()
-    solution = build.mesh(cloud, options, views)
+    with on.reporter.progress("meshing"):
+        solution = build.mesh(cloud, options, views)
     if solution.value is None or len(solution.value.faces) == 0:
         raise InputError(
             f"no surface could be made from the {len(cloud.points)} points: {solution.message}"
@@ -44,7 +45,11 @@ def run(on: StageRun) -> MeshRecord:
     project.mesh.mkdir(exist_ok=True)
     write_ply(project.mesh / "mesh.ply", surface)
     notes: tuple[str, ...] = () if part == ALL else (f"the mesh is of the part {part} alone",)
-    for note in write_texture(surface, model, project.images, project.mesh, options):
+    with on.reporter.progress("texture") as progress:
+        said = write_texture(
+            surface, model, project.images, project.mesh, options, progress=progress
+        )
+    for note in said:
         notes += (note,)
         on.reporter.warn(note)
     record = build.mesh_record(surface, options.method, notes)

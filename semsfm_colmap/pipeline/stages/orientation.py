@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from itertools import count
 
 from semsfm_colmap.matching.orientation import Trial
 from semsfm_colmap.pipeline.project import Project
@@ -14,15 +15,27 @@ FIRST_OCTAVE = 0
 """The trial does without the finest ones, which take most of the time."""
 
 
+def unwatched(done: int, total: int) -> None:
+    """Nobody watches."""
+
+
 def try_project_orientations(
-    project: Project, series: SemSeries, *, num_threads: int, seed: int = 0
+    project: Project,
+    series: SemSeries,
+    *,
+    num_threads: int,
+    seed: int = 0,
+    progress: Callable[[int, int], None] = unwatched,
 ) -> Trial:
     """Match a few pairs of three images or more both ways."""
     from semsfm_colmap.colmap.sift_features import sift_features
     from semsfm_colmap.matching.orientation import try_orientations
 
+    done = count(1)
+
     def features_of(images: Sequence[int], upright: bool) -> list[Features]:
         frames = [series.frames[k] for k in images]
+        progress(next(done), 3)  # each way, then matching
         return sift_features(
             "colmap-sift",
             project.images,

@@ -2,21 +2,44 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from semsfm_colmap.io.layout import GONIOMETER_FILE
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import DensifyRecord, MapRecord, MatchRecord, ReportRecord
 
+if TYPE_CHECKING:
+    from semsfm_colmap.pipeline.project import Project
+    from semsfm_colmap.pipeline.record import RunRecord
+    from semsfm_colmap.report.inputs import ReportInputs
+
 
 def run(on: StageRun) -> ReportRecord:
     """Gather what the stages have left, and write the report."""
+    from semsfm_colmap.report.metrics_json import metrics_json
+    from semsfm_colmap.report.write import write_report
+
+    project = on.project
+    inputs = gather_inputs(project, on.record)
+    with on.reporter.progress("report") as progress:
+        metrics = write_report(inputs, project.report, progress=progress)
+    on.reporter.say(f"report: {project.report / 'report.html'}")
+    return ReportRecord(num_metrics=len(metrics_json(metrics)))
+
+
+def gather_inputs(project: Project, record: RunRecord, *, surface: bool = True) -> ReportInputs:
+    """What the stages of a project have left, as the report needs it.
+
+    Parameters
+    ----------
+    surface : read cloud and mesh too, which are the largest files
+
+    """
     from semsfm_colmap.io.ply import read_ply_cloud, read_ply_mesh
     from semsfm_colmap.pipeline.goniometer import read_goniometer
     from semsfm_colmap.pipeline.record import versions
     from semsfm_colmap.report.inputs import ReportInputs, StageUsage
-    from semsfm_colmap.report.metrics_json import metrics_json
-    from semsfm_colmap.report.write import write_report
 
-    project, record = on.project, on.record
     reconstruction = project.read_main_model()
     mapped = record.result("map", MapRecord)
     matched = record.result("match", MatchRecord)
@@ -30,7 +53,7 @@ def run(on: StageRun) -> ReportRecord:
             "goniometer` again"
         )
     mesh_file, cloud_file = project.mesh / "mesh.ply", project.dense / "fused.ply"
-    inputs = ReportInputs(
+    return ReportInputs(
         reconstruction=reconstruction,
         series=project.read_series(),
         pairs=() if matched is None else matched.pairs,
@@ -45,16 +68,13 @@ def run(on: StageRun) -> ReportRecord:
         reliability=None if mapped is None else mapped.reliability,
         tilt=None if mapped is None else mapped.diagnostics.tilt,
         goniometer=goniometer,
-        mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
-        cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
+        mesh=read_ply_mesh(mesh_file) if surface and mesh_file.is_file() else None,
+        cloud=read_ply_cloud(cloud_file) if surface and cloud_file.is_file() else None,
         surface_halves=None if densified is None else densified.half_series,
         versions=versions(),
         models=() if mapped is None else mapped.models,
         title=project.path.resolve().name,
     )
-    metrics = write_report(inputs, project.report)
-    on.reporter.say(f"report: {project.report / 'report.html'}")
-    return ReportRecord(num_metrics=len(metrics_json(metrics)))
 
 
 STAGE = Stage(
