@@ -12,6 +12,7 @@ def run(on: StageRun) -> ReportRecord:
     from semsfm_colmap.io.ply import read_ply_cloud, read_ply_mesh
     from semsfm_colmap.pipeline.goniometer import read_goniometer
     from semsfm_colmap.pipeline.record import versions
+    from semsfm_colmap.pipeline.viewer_inputs import read_viewer_inputs
     from semsfm_colmap.report.inputs import ReportInputs, StageUsage
     from semsfm_colmap.report.metrics_json import metrics_json
     from semsfm_colmap.report.write import write_report
@@ -29,6 +30,8 @@ def run(on: StageRun) -> ReportRecord:
             f"report/{GONIOMETER_FILE} is of another model and is not shown: run `semsfm "
             "goniometer` again"
         )
+    viewer, without = read_viewer_inputs(project)
+    said += [without] if without else []
     mesh_file, cloud_file = project.mesh / "mesh.ply", project.dense / "fused.ply"
     inputs = ReportInputs(
         reconstruction=reconstruction,
@@ -48,6 +51,7 @@ def run(on: StageRun) -> ReportRecord:
         mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
         surface_halves=None if densified is None else densified.half_series,
+        viewer=viewer,
         versions=versions(),
         models=() if mapped is None else mapped.models,
         title=project.path.resolve().name,
