@@ -1,4 +1,4 @@
-"""A browser without a window for tests of pages; they are marked `slow`, and skipped without one."""
+"""A browser without a window, for tests of pages: marked `slow`, and skipped where none is."""
 
 from __future__ import annotations
 

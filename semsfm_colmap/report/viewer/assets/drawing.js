@@ -331,9 +331,14 @@
       this.light.position.copy(camera.position);
       this.light.target.position.copy(camera.position)
         .sub(new THREE.Vector3(0, 0, 1).applyQuaternion(camera.quaternion));
-      this.picture.visible = this.hasPicture && blend > 0 && this.looksThrough(camera);
+      const through = this.looksThrough(camera);
+      this.picture.visible = this.hasPicture && blend > 0 && through;
       this.picture.material.opacity = blend;
+      // from where an image was taken the frames stand in the way
+      const framesOn = this.frames.visible;
+      this.frames.visible = framesOn && !through;
       renderer.render(this.world, camera);
+      this.frames.visible = framesOn;
     }
   };
 })();

@@ -50,12 +50,13 @@
 
   function written(crosshair) {
     const drawing = state.drawing, frames = [];
-    if (drawing.frames.visible) {
+    const framesOn = drawing.frames.visible && !drawing.looksThrough(navigation.camera);
+    if (framesOn) {
       state.scene.header.frames.forEach((frame, k) => {
         if (frame.labelled) { frames.push({ words: String(frame.number), point: frameTop(k) }); }
       });
     }
-    if (state.hovered !== null && drawing.frames.visible) {
+    if (state.hovered !== null && framesOn) {
       const frame = state.scene.header.frames[state.hovered];
       frames.push({ words: frame.number + ": " + frame.name, point: frameTop(state.hovered) });
     }
@@ -341,7 +342,11 @@
   }
 
   function hover(event) {
-    if (event.buttons || !state.drawing || !state.drawing.frames.visible) { return; }
+    if (event.buttons || !state.drawing) { return; }
+    if (!state.drawing.frames.visible || state.drawing.looksThrough(navigation.camera)) {
+      state.hovered = null;
+      return;
+    }
     const rect = canvas.getBoundingClientRect(), v = view();
     let found = null, least = FRAME_PX;
     (state.scene.header.frames || []).forEach((frame, k) => {
