@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -42,7 +42,12 @@ def chromium() -> str:
 
 @contextmanager
 def opened(
-    address: str, *, width: int = 1000, height: int = 800, dark: bool = False
+    address: str,
+    *,
+    width: int = 1000,
+    height: int = 800,
+    dark: bool = False,
+    flags: Sequence[str] = FLAGS,
 ) -> Iterator[Watched]:
     """An address in a browser of its own.
 
@@ -52,7 +57,7 @@ def opened(
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=list(FLAGS))
+        browser = playwright.chromium.launch(executable_path=program, args=list(flags))
         scheme: Any = "dark" if dark else "light"
         page = browser.new_page(
             viewport={"width": width, "height": height},

@@ -425,6 +425,7 @@
       root.classList.add("still");
       return;
     }
+    renderer.localClippingEnabled = true;
     navigation = new semsfm.Navigation(canvas, 1, invalidate, clicked);
     wire();
     if (live) { poll(); return; }
