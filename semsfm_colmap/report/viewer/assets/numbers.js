@@ -9,7 +9,7 @@
 
   semsfm.number = function (value, digits) {
     if (!Number.isFinite(value)) { return "–"; }
-    if (value === 0) { return "0"; }
+    if (Number.isInteger(value) && Math.abs(value) < 1e4) { return fixed(value, 0); }
     const size = Math.floor(Math.log10(Math.abs(value)));
     if (size < -4 || size > 8) { return value.toExponential(digits - 1).replace(/-/g, "−"); }
     return fixed(value, digits - 1 - size);
