@@ -116,7 +116,9 @@ class ProjectView:
             )
         with self._lock:
             specimen = self._read_specimen()
-            found, _ = measure(specimen, self._read_errors(specimen), Requests(measurements=tuple(asked)))
+            found, _ = measure(
+                specimen, self._read_errors(specimen), Requests(measurements=tuple(asked))
+            )
         not_assessed = list(dict.fromkeys(word for one in found for word in one.not_assessed))
         return {"values": [_plain(one) for one in found], "not_assessed": not_assessed}
 
