@@ -71,10 +71,10 @@ def view(
 
     """
     server = make_server(project_path, options)
-    say(f"{server.address}  (Ctrl-C ends it)")
-    if open_browser:
-        threading.Thread(target=webbrowser.open, args=(server.address,), daemon=True).start()
     try:
+        say(f"{server.address}  (Ctrl-C ends it)")
+        if open_browser:
+            threading.Thread(target=webbrowser.open, args=(server.address,), daemon=True).start()
         server.serve_forever(poll_interval=0.2)
     except KeyboardInterrupt:
         say("ended")

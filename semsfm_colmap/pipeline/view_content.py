@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -135,8 +135,6 @@ class ProjectView:
             remark = f"the surface is not shown: {error}"
         inputs = self._inputs(specimen)
         viewer = viewer_inputs(self.project, specimen)
-        from dataclasses import replace
-
         scene = build_scene(replace(inputs, viewer=viewer), live=True)
         if scene is None:
             raise InputError("the model holds nothing that can be shown")

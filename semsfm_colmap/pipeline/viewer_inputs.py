@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from semsfm_colmap.errors import InputError
@@ -30,8 +31,6 @@ def read_viewer_inputs(project: Project) -> tuple[ViewerInputs, str]:
     inputs = viewer_inputs(project, specimen)
     if found is None:
         return inputs, ""
-    from dataclasses import replace
-
     return replace(inputs, errors=found.header, error_arrays=found.arrays), ""
 
 

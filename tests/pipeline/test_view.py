@@ -1,7 +1,11 @@
 import json
 import shutil
+import signal
+import subprocess
+import sys
 import threading
 from contextlib import contextmanager
+from dataclasses import replace
 from http.client import HTTPConnection
 from urllib.parse import urlsplit
 
@@ -181,8 +185,6 @@ def test_a_surface_of_another_model_is_left_out_with_the_reason(small_project, t
     path = tmp_path / "p"
     shutil.copytree(small_project, path)
     mesh = read_ply_mesh(path / "mesh" / "mesh.ply")
-    from dataclasses import replace
-
     away = np.ptp(mesh.vertices, axis=0).max()
     write_ply(path / "mesh" / "mesh.ply", replace(mesh, vertices=mesh.vertices + away))
     with served(path) as (_, ask):
@@ -204,6 +206,18 @@ def test_ctrl_c_ends_it_and_frees_the_port(project, monkeypatch):
     assert said[-1] == "ended"
     with pytest.raises(OSError):
         HTTPConnection("127.0.0.1", urlsplit(said[0].split()[0]).port, timeout=2).connect()
+
+
+@pytest.mark.slow
+def test_an_interrupt_from_outside_ends_the_command_without_a_trace(project):
+    command = [sys.executable, "-m", "semsfm_colmap", "view", str(project), "--no_browser"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline().startswith("http://127.0.0.1:")
+        process.send_signal(signal.SIGINT)
+        said = process.stderr.read()
+        assert process.wait(timeout=30) == 0
+    assert said == "ended\n"
 
 
 def test_a_folder_that_is_not_there_is_told(tmp_path):
