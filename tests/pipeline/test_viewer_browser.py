@@ -11,6 +11,7 @@ import PIL.Image
 import pytest
 
 import semsfm_colmap
+from semsfm_colmap.metrology.sizes.budget import FOLDED
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.view import make_server
 from tests.browser import chromium, opened
@@ -175,6 +176,17 @@ def test_a_length_picked_in_the_page_is_that_of_measure(shown, project):
     for source in known.sources:
         if source.name in shown_sources:
             assert shown_sources[source.name] == pytest.approx(source.contribution, rel=0.02)
+
+
+def test_the_page_says_of_an_angle_that_may_be_none_what_measure_says(shown):
+    remarks = shown.page.evaluate(
+        """() => {
+          const { scene } = semsfm.viewer.state, all = Uint8Array.from([255, 255, 255, 255]);
+          const at = (x, z) => ({ point: [x, 0, z], normal: [0, 0, -1], sigma: 5, seen: all });
+          return semsfm.measure(scene, [at(0, 0), at(1, 0.001), at(2, 0)])[1].remarks;
+        }"""
+    )
+    assert remarks == [FOLDED]
 
 
 def test_an_angle_is_measured_by_keys_alone(shown, project):

@@ -10,7 +10,8 @@ from semsfm_colmap.report.viewer.packing import as_text
 from semsfm_colmap.report.viewer.scene import ViewerScene
 
 SCRIPTS = (
-    "bytes.js", "numbers.js", "budget.js", "navigation.js", "drawing.js", "overlay.js", "viewer.js",
+    "bytes.js", "numbers.js", "budget.js", "navigation.js", "drawing.js", "overlay.js",
+    "measuring.js", "viewer.js",
 )  # fmt: skip
 """In the order in which they use one another."""
 KEYS = (

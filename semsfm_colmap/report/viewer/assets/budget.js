@@ -3,6 +3,9 @@
 (function () {
   "use strict";
   const semsfm = (window.semsfm = window.semsfm || {});
+  // budget.py
+  const FOLDED = "within two standard uncertainties of 0 or 180 degrees, beyond which no angle goes: "
+    + "the true one may well be 0 or 180, and the interval is not symmetric";
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   const minus = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
   const times = (a, f) => [a[0] * f, a[1] * f, a[2] * f];
@@ -121,7 +124,9 @@
     const errors = scene.header.errors;
     return quantities.map((quantity) => {
       const unit = quantity.dimension ? scene.header.unit : "°";
-      const out = { name: quantity.name, value: quantity.value, unit, sigma: null, sources: [] };
+      const out = {
+        name: quantity.name, value: quantity.value, unit, sigma: null, sources: [], remarks: []
+      };
       const some = places.slice(0, quantity.gradient.length);
       if (!errors || !errors.cameras || !errors.surface) { return out; }
       if (some.some((place) => !place.seen || !(place.sigma >= 0))) { return out; }
@@ -134,6 +139,8 @@
       }
       out.sources = sources.sort((a, b) => b[1] - a[1]);
       out.sigma = Math.sqrt(sources.reduce((sum, [, u]) => sum + u * u, 0));
+      const folded = Math.min(quantity.value, 180 - quantity.value) < 2 * out.sigma;
+      if (!quantity.dimension && folded) { out.remarks.push(FOLDED); }
       return out;
     });
   };

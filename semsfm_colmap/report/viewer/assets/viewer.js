@@ -5,18 +5,16 @@
   const root = document.getElementById("viewer");
   if (!root) { return; }
   const live = root.dataset.mode === "live";
-  const POLL_MS = 2000, SNAP_PX = 40, FRAME_PX = 12, FIT = 1.08, MAX_RATIO = 2;
+  const POLL_MS = 2000, FRAME_PX = 12, FIT = 1.08, MAX_RATIO = 2;
   const part = (name) => root.querySelector('[data-part="' + name + '"]');
   const canvas = part("canvas"), overlay = part("overlay"), stage = part("stage");
-  const state = { scene: null, drawing: null, places: [], results: null, hovered: null, queued: false };
+  const state = { scene: null, drawing: null, places: [], results: null, hovered: null, queued: false,
+    navigation: null };
+  const element = semsfm.element;
+  const places = semsfm.measuring({ state, live, part, canvas, say, invalidate });
   let renderer = null, navigation = null;
 
-  function element(name, attributes, ...children) {
-    const out = document.createElement(name);
-    Object.entries(attributes || {}).forEach(([key, value]) => out.setAttribute(key, value));
-    out.append(...children);
-    return out;
-  }
+  function measuring() { return part("measure").getAttribute("aria-pressed") === "true"; }
 
   function say(words) { part("message").textContent = words; }
 
@@ -61,8 +59,8 @@
       frames.push({ words: frame.number + ": " + frame.name, point: frameTop(state.hovered) });
     }
     const legend = drawing.legend && { ...drawing.legend, map: (share) => drawing.mapped(share) };
-    const places = state.places.map((place) => ({ point: place.drawn }));
-    return { frames, legend, places, crosshair };
+    const marks = state.places.map((place) => ({ point: place.drawn }));
+    return { frames, legend, places: marks, crosshair };
   }
 
   function frameTop(k) {
@@ -191,118 +189,6 @@
     part("cut-text").textContent = name + " = " + semsfm.number(there, 4) + " " + state.scene.header.unit;
   }
 
-  // ---- measuring ----
-
-  function measuring() { return part("measure").getAttribute("aria-pressed") === "true"; }
-
-  function placeNumber(k) {
-    const { arrays, header } = state.scene;
-    const drawn = Array.from(arrays["place.position"].subarray(3 * k, 3 * k + 3));
-    const n = Array.from(arrays["place.normal"].subarray(3 * k, 3 * k + 3));
-    const size = Math.hypot(...n) || 1;
-    const seen = arrays["place.seen"], bytes = seen ? seen.shape[1] : 0;
-    return {
-      id: arrays["place.id"][k], drawn, point: drawn.map((x, j) => x + header.origin[j]),
-      normal: n.map((x) => x / size), sigma: arrays["place.sigma"] ? arrays["place.sigma"][k] : NaN,
-      seen: seen ? seen.subarray(bytes * k, bytes * k + bytes) : null
-    };
-  }
-
-  // the vertex nearest to a point of the surface
-  function nearest(point) {
-    const p = state.scene.arrays["place.position"];
-    let best = 0, least = Infinity;
-    for (let k = 0; k < p.length; k += 3) {
-      const d = (p[k] - point.x) ** 2 + (p[k + 1] - point.y) ** 2 + (p[k + 2] - point.z) ** 2;
-      if (d < least) { least = d; best = k / 3; }
-    }
-    return { k: best, distance: Math.sqrt(least) };
-  }
-
-  function addPlace(place) {
-    if (state.places.length === 3) { state.places = []; }
-    if (state.places.some((other) => other.id === place.id)) {
-      say("vertex " + place.id + " is already picked");
-      return;
-    }
-    say("");
-    state.places.push(place);
-    show();
-  }
-
-  function addVertex(id) {
-    const k = Array.prototype.indexOf.call(state.scene.arrays["place.id"], id);
-    if (k < 0) {
-      say(live ? "the mesh has no vertex " + id
-        : "vertex " + id + " is not among those that this page holds: use semsfm view, or semsfm measure");
-      return false;
-    }
-    addPlace(placeNumber(k));
-    return true;
-  }
-
-  function pick(x, y) {
-    const width = canvas.clientWidth, height = canvas.clientHeight;
-    const raycaster = new THREE.Raycaster();
-    raycaster.setFromCamera({ x: 2 * x / width - 1, y: 1 - 2 * y / height }, navigation.camera);
-    const point = state.drawing.hit(raycaster);
-    if (!point) { say("no surface there: show the mesh and pick a place on it"); return; }
-    const found = nearest(point);
-    if (found.distance > SNAP_PX * navigation.unitsPerPx && found.distance > 0.05 * state.scene.header.radius) {
-      say("no vertex of mesh.ply is near that place");
-      return;
-    }
-    addPlace(placeNumber(found.k));
-  }
-
-  function command() {
-    return "semsfm measure PROJECT --points " + state.places.map((p) => "vertex:" + p.id).join(" ");
-  }
-
-  async function show() {
-    invalidate();
-    const holder = part("readout"), asked = state.places.slice();
-    state.results = null;
-    if (!asked.length) { holder.replaceChildren(); return; }
-    const named = asked.map((p, k) => "ABC"[k] + " vertex:" + p.id).join(", ");
-    if (asked.length < 2) { holder.replaceChildren(element("p", {}, named + ". Pick a second place.")); return; }
-    let results;
-    if (live) {
-      holder.replaceChildren(element("p", {}, named + " …"));
-      try {
-        const answer = await fetch("measure?vertices=" + asked.map((p) => p.id).join(","));
-        const data = await answer.json();
-        if (!answer.ok) { throw new Error(data.error); }
-        results = data;
-      } catch (error) {
-        holder.replaceChildren(element("p", {}, named + ": " + error.message));
-        return;
-      }
-    } else {
-      results = { values: semsfm.measure(state.scene, asked), not_assessed: (state.scene.header.errors || {}).not_assessed || [] };
-    }
-    if (asked.some((p, k) => state.places[k] !== p) || asked.length !== state.places.length) { return; }
-    state.results = results.values;
-    const lines = results.values.map((one) => {
-      const sigma = one.sigma > 0 ? "" : " (σ not assessed)";
-      return element("p", {}, element("strong", {}, one.name + ": " + semsfm.measured(one.value, one.sigma) + " " + one.unit + sigma),
-        ...(one.sigma > 0 ? [" standard uncertainty, one σ"] : []));
-    });
-    const budget = results.values.filter((one) => one.sources.length).map((one) => {
-      const rows = one.sources.map(([name, u]) => element("tr", {}, element("td", { class: "text" }, name),
-        element("td", {}, semsfm.number(u, 2)), element("td", {}, (100 * (u / one.sigma) ** 2).toFixed(0) + " %")));
-      return element("table", {}, element("caption", {}, one.name), element("thead", {}, element("tr", {},
-        element("th", { class: "text" }, "source"), element("th", {}, "u, " + one.unit), element("th", {}, "share"))),
-        element("tbody", {}, ...rows));
-    });
-    const open = holder.querySelector("details[open]") !== null;
-    const details = element("details", {}, element("summary", {}, "budget"), element("div", { class: "viewer-budget" }, ...budget),
-      element("p", { class: "hint" }, "Not assessed: " + (results.not_assessed.join("; ") || "–") + "."));
-    details.open = open;
-    holder.replaceChildren(element("p", {}, named + "."), ...lines,
-      element("p", {}, "The same with files: ", element("code", {}, command())), ...(budget.length ? [details] : []));
-  }
-
   // ---- picture ----
 
   function exportPicture() {
@@ -335,7 +221,7 @@
     state.places = [];
     state.cutView = null;
     fillControls();
-    show();
+    places.show();
     resize();
     if (first || moved) { look(scene.header.views[0].right_up_back); } else { through(); }
     semsfm.viewer.ready = true;
@@ -358,7 +244,7 @@
   }
 
   function clicked(x, y) {
-    if (measuring()) { pick(x, y); return; }
+    if (measuring()) { places.pick(x, y); return; }
     if (state.hovered !== null) { part("frame").value = state.hovered; through(); }
   }
 
@@ -376,9 +262,9 @@
     part("vertex-form").addEventListener("submit", (event) => {
       event.preventDefault();
       const field = part("vertex");
-      if (field.value !== "" && addVertex(Number(field.value))) { field.value = ""; }
+      if (field.value !== "" && places.addVertex(Number(field.value))) { field.value = ""; }
     });
-    part("clear").addEventListener("click", () => { state.places = []; say(""); show(); });
+    part("clear").addEventListener("click", places.clear);
     part("export").addEventListener("click", exportPicture);
     canvas.addEventListener("pointermove", hover);
     canvas.addEventListener("focus", invalidate);
@@ -426,7 +312,7 @@
       return;
     }
     renderer.localClippingEnabled = true;
-    navigation = new semsfm.Navigation(canvas, 1, invalidate, clicked);
+    navigation = state.navigation = new semsfm.Navigation(canvas, 1, invalidate, clicked);
     wire();
     if (live) { poll(); return; }
     if (typeof DecompressionStream === "undefined") {
@@ -441,7 +327,7 @@
 
   // what a script may use
   semsfm.viewer = {
-    ready: false, state, pick, addVertex, draw, look,
+    ready: false, state, pick: places.pick, addVertex: places.addVertex, draw, look,
     project: (point) => view().project(point)
   };
   start();
