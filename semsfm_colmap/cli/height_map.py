@@ -26,7 +26,7 @@ class Arguments:
     to: str = "tif"
     """Formats, by commas: x3p, sdf, gsf, gwy, tif, xyz."""
     region: tuple[float, float, float, float] | None = None
-    """x0 y0 x1 y1 in px of an image: what is seen there alone, e.g. one side of a grain."""
+    """x0 y0 x1 y1 in px of an original image: what is seen there alone, as one side of a grain."""
     region_image: str | None = None
     """Name of the image that region and profile are in; default: the first one of the model."""
     profile: tuple[float, float, float, float] | None = None

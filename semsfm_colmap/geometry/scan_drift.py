@@ -25,3 +25,11 @@ def without_drift(xy: Float, drift: Float, height_px: Float) -> Float:
     slope = drift / height_px[:, None]
     from_middle = (xy[:, 1] - height_px / 2.0) / (1.0 + slope[:, 1])
     return np.stack([xy[:, 0] - slope[:, 0] * from_middle, height_px / 2.0 + from_middle], axis=-1)
+
+
+def with_drift(xy: Float, drift: Float, height_px: Float) -> Float:
+    """Where a frame that crept shows what one without drift has at places (O, 2) px.
+
+    The module's formula; arguments as those of `without_drift`.
+    """
+    return np.asarray(xy + drift * ((xy[:, 1] - height_px / 2.0) / height_px)[:, None])

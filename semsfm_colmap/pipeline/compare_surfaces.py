@@ -43,7 +43,7 @@ def compare_projects(
     ----------
     before_path, after_path : project folders with meshes, in worlds of their own
     to : formats of the difference
-    region : x0, y0, x1, y1 in px of an image of the first project: what is seen there alone
+    region : x0, y0, x1, y1 in px of an original image of the first project: what is seen there
     region_image : its name; default: the first image of the model
     free_scale : the scale of the second one is unknown
 
@@ -60,24 +60,21 @@ def compare_projects(
     from semsfm_colmap.metrology.heights.comparison import compare_surfaces
     from semsfm_colmap.metrology.heights.files.registry import check_format, write_height_map
     from semsfm_colmap.metrology.heights.picture import difference_picture
-    from semsfm_colmap.pipeline.height_map import part_of_mesh, transfer_of
+    from semsfm_colmap.pipeline.height_map import part_of_mesh, specimen_with_mesh, transfer_of
 
     formats = [check_format(name) for name in to]
     projects = [Project(Path(before_path)), Project(Path(after_path))]
     output = Path(output_path)
     check_paths(projects, output)
-    models = [project.read_main_model() for project in projects]
+    specimens = [specimen_with_mesh(project) for project in projects]
+    models = [specimen.model for specimen in specimens]
     unit = common_unit(projects, models)
-    meshes = [
-        part_of_mesh(project, model, None, None)
-        for project, model in zip(projects, models, strict=True)
-    ]
     transfer = max(
         transfer_of(project, model).nesting_index
         for project, model in zip(projects, models, strict=True)
     )
-    before, after = meshes
-    shown = part_of_mesh(projects[0], models[0], region, region_image)
+    before, after = (part_of_mesh(specimen, None, None) for specimen in specimens)
+    shown = part_of_mesh(specimens[0], region, region_image)
     found = compare_surfaces(
         before, after, unit, transfer, shown=shown, with_scale=free_scale, spacing=spacing
     )

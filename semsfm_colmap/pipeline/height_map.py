@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.metrology.heights.parameter_uncertainty import ErrorModel, MeasuredParameter
     from semsfm_colmap.metrology.heights.region import Rectangle
     from semsfm_colmap.metrology.heights.scale_limited import Filtering, Transfer
+    from semsfm_colmap.metrology.sizes.specimen import Specimen
     from semsfm_colmap.pipeline.reporter import Reporter
     from semsfm_colmap.types import Reconstruction, TriangleMesh
 
@@ -56,7 +58,8 @@ def height_map(
     ----------
     project_path : the project folder, with a mesh
     to : formats, of `metrology.heights.files.registry`
-    region : x0, y0, x1, y1 in px of an image: what is seen there alone
+    region : x0, y0, x1, y1 in px of an original image, as `measure` has them: what is seen there
+        alone
     region_image : its name; default: the first image of the model
     profile : x0, y0, x1, y1: the ends of a line in px of the same image, for ISO 21920-2
     truth_path : folder of the rendered series, for the characteristics
@@ -90,8 +93,9 @@ def height_map(
         raise UsageError(f"{project.path} is not a folder: give a project folder")
     check_output(project, [project.metrology.name])
     with locked(project):
-        model = project.read_main_model()
-        mesh = part_of_mesh(project, model, region, region_image)
+        specimen = specimen_with_mesh(project)
+        model = specimen.model
+        mesh = part_of_mesh(specimen, region, region_image)
         found = height_map_of_mesh(
             mesh,
             model.world_unit,
@@ -113,13 +117,15 @@ def height_map(
             filtering,
             transfer,
             halves=halves_of(project, found),
-            truth=None if truth_path is None else truth_map(Path(truth_path), model, found),
+            truth=None
+            if truth_path is None
+            else truth_map(Path(truth_path), specimen, found, region, region_image),
             steps=steps,
         )
         notes = notes_of(project, model, found)
         data = plain(found, filtering, errors, parameters, known, notes)
         if profile is not None:
-            ends = profile_ends(found, model, profile, region_image)
+            ends = profile_ends(found, specimen, profile, region_image)
             data["profile"] = profile_data(found, filtering, errors, ends, options)
         write_formats(levelled, project.metrology, formats)
         picture = height_map_picture(levelled, limited, title_of(project, filtering, found.unit))
@@ -152,29 +158,35 @@ def errors_of(project: Project, model: Reconstruction, options: HeightMapOptions
     )
 
 
+def specimen_with_mesh(project: Project) -> Specimen:
+    """The model of a project and its surface."""
+    from semsfm_colmap.pipeline.specimen import read_specimen
+
+    specimen = read_specimen(project)
+    if specimen.mesh is None:
+        path = project.mesh / MESH_FILE
+        raise InputError(f"{path} is missing: run `semsfm mesh {project.path}` first")
+    return specimen
+
+
 def part_of_mesh(
-    project: Project, model: Reconstruction, region: Rectangle | None, region_image: str | None
+    specimen: Specimen, region: Rectangle | None, region_image: str | None
 ) -> TriangleMesh:
-    """The mesh of a project, or what a rectangle of an image shows of it."""
-    from semsfm_colmap.io.ply import read_ply_mesh
+    """The mesh, or what a rectangle of an original image shows of it."""
     from semsfm_colmap.metrology.heights.region import part_in_rectangle
 
-    path = project.mesh / MESH_FILE
-    if not path.is_file():
-        raise InputError(f"{path} is missing: run `semsfm mesh {project.path}` first")
-    mesh = read_ply_mesh(path)
+    mesh = specimen.mesh
+    assert mesh is not None
     if region is None:
         return mesh
-    return part_in_rectangle(mesh, model.cameras, image_index(model, region_image), region)
+    i = image_index(specimen, region_image)
+    shown = specimen.shown(i, mesh.vertices, specimen.normals)
+    return part_in_rectangle(mesh, shown, specimen.model.cameras.viewing_direction[i], region)
 
 
-def image_index(model: Reconstruction, name: str | None) -> int:
+def image_index(specimen: Specimen, name: str | None) -> int:
     """The number of an image by its name; the first one where none is given."""
-    if name is None:
-        return 0
-    if name not in model.image_names:
-        raise UsageError(f"{name} is no image of the model: {model.image_names[0]} is one")
-    return model.image_names.index(name)
+    return 0 if name is None else specimen.image_named(name)
 
 
 def transfer_of(project: Project, model: Reconstruction) -> Transfer:
@@ -235,14 +247,20 @@ def halves_of(project: Project, like: HeightMap) -> tuple[HeightMap, HeightMap] 
 
 
 def profile_ends(
-    found: HeightMap, model: Reconstruction, profile: Rectangle, image: str | None
+    found: HeightMap, specimen: Specimen, profile: Rectangle, image: str | None
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The ends of a line, given in px of an image, on a map."""
+    """The ends of a line, given in px of an original image, on a map."""
+    import numpy as np
+
     from semsfm_colmap.metrology.heights.region import place_in_map
 
+    assert found.axes is not None
     x0, y0, x1, y1 = profile
-    i = image_index(model, image)
-    first, last = (place_in_map(found, model.cameras, i, xy) for xy in ((x0, y0), (x1, y1)))
+    i = image_index(specimen, image)
+    cells = found.points()
+    shown = specimen.shown(i, cells, np.broadcast_to(found.axes[2], cells.shape))
+    scale = float(specimen.model.cameras.scale_px_per_unit[i])
+    first, last = (place_in_map(found, shown, scale, xy) for xy in ((x0, y0), (x1, y1)))
     return first, last
 
 
@@ -292,8 +310,17 @@ def profile_data(
     }
 
 
-def truth_map(path: Path, model: Reconstruction, like: HeightMap) -> HeightMap:
+def truth_map(
+    path: Path,
+    specimen: Specimen,
+    like: HeightMap,
+    region: Rectangle | None,
+    region_image: str | None,
+) -> HeightMap:
     """The true heights of a rendered series on the grid of a map, brought there by the cameras.
+
+    Of the part that the region shows, where there is one: what stands over it elsewhere is not what
+    was measured.
 
     Raises
     ------
@@ -308,6 +335,7 @@ def truth_map(path: Path, model: Reconstruction, like: HeightMap) -> HeightMap:
     from semsfm_colmap.metrology.heights.height_map import on_grid
     from semsfm_colmap.types import TriangleMesh
 
+    model = specimen.model
     truth = load_truth(path)
     number = {Path(name).stem: i for i, name in enumerate(truth.names)}
     stems = [Path(name).stem for name in model.image_names]
@@ -324,6 +352,7 @@ def truth_map(path: Path, model: Reconstruction, like: HeightMap) -> HeightMap:
     assert like.axes is not None
     placed = right.true_from_estimated.inverse.apply(truth.mesh.vertices)
     mesh = TriangleMesh(vertices=placed, faces=truth.mesh.faces)
+    mesh = part_of_mesh(replace(specimen, mesh=mesh), region, region_image)
     rows, columns = like.z.shape
     return on_grid(mesh, like.unit, like.origin, like.axes, like.spacing, (rows, columns))
 

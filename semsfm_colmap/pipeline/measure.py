@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from semsfm_colmap.metrology.sizes.specimen import Specimen
     from semsfm_colmap.pipeline.reporter import Reporter
     from semsfm_colmap.records import Reliability
-    from semsfm_colmap.types import Array, Reconstruction, TriangleMesh
+    from semsfm_colmap.types import Reconstruction
 
 JSON_FILE, TABLE_FILE, PAGE_FILE = "measurements.json", "measurements.csv", "measurements.html"
 
@@ -58,6 +58,7 @@ def measure(
     """
     from semsfm_colmap.metrology.sizes.record import plain
     from semsfm_colmap.metrology.sizes.run import measure as measure_specimen
+    from semsfm_colmap.pipeline.specimen import read_specimen
 
     options = options or MetrologyOptions()
     if not 0.0 <= options.pixel_size_sigma < 1.0:
@@ -71,6 +72,7 @@ def measure(
     requests = read_requests(project, points, profile, scale_from)
     with locked(project):
         specimen = read_specimen(project)
+        specimen.check_one_world()
         errors = errors_of(project, specimen, options)
         found, checks = measure_specimen(specimen, errors, requests)
         notes = notes_of(specimen.model, requests)
@@ -127,65 +129,6 @@ def read_requests(
             "(docs/metrology.md)"
         )
     return asked
-
-
-def read_specimen(project: Project) -> Specimen:
-    """The model of a project with its surface, labels and masks, as far as they are there."""
-    from semsfm_colmap.metrology.sizes.specimen import Specimen
-    from semsfm_colmap.segmentation.names import MESH_FILE
-
-    model = project.read_main_model()
-    mesh = labels = None
-    names: dict[str, int] = {}
-    path = project.mesh / MESH_FILE
-    if path.is_file():
-        from semsfm_colmap.io.ply import read_ply_mesh
-
-        mesh = read_ply_mesh(path)
-        labels, names = read_labels(project, mesh)
-    specimen = Specimen(
-        model=model,
-        mesh=mesh,
-        frames=project.read_series().frames if project.series.is_file() else (),
-        mask=mask_reader(project),
-        labels=labels,
-        label_names=names,
-    )
-    specimen.check_one_world()
-    return specimen
-
-
-def read_labels(project: Project, mesh: TriangleMesh) -> tuple[Array | None, dict[str, int]]:
-    """Labels of the vertices, where they are of this very mesh; the names of the parts."""
-    from numpy import array_equal
-
-    from semsfm_colmap.io.ply import read_ply_file
-    from semsfm_colmap.segmentation.files import LABEL, positions, read_table
-    from semsfm_colmap.segmentation.names import MESH_FILE
-
-    path = project.segments / MESH_FILE
-    if not path.is_file():
-        return None, {}
-    file = read_ply_file(path)
-    if LABEL not in (file.vertices.dtype.names or ()) or not array_equal(
-        positions(file), mesh.vertices
-    ):
-        return None, {}
-    parts = {part["name"]: part["label"] for part in read_table(project.segments)["parts"]}
-    return file.vertices[LABEL].astype("int64"), parts
-
-
-def mask_reader(project: Project) -> Callable[[str], Array | None]:
-    """The mask of a prepared image by its name, None where there is none."""
-    from functools import cache
-
-    from semsfm_colmap.io.grey import read_mask
-
-    @cache
-    def mask(name: str) -> Array | None:
-        return read_mask(project.masks, name)
-
-    return mask
 
 
 def errors_of(project: Project, specimen: Specimen, options: MetrologyOptions) -> Errors:

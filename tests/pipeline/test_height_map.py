@@ -13,6 +13,7 @@ import pytest
 from semsfm_colmap.cli.main import main
 from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.evaluation.truth import Truth
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.io.ply import read_ply_mesh, write_ply, write_ply_file
 from semsfm_colmap.metrology.heights.files.registry import read_height_map
@@ -20,6 +21,7 @@ from semsfm_colmap.metrology.heights.height_map_options import HeightMapOptions
 from semsfm_colmap.metrology.heights.levelling import level
 from semsfm_colmap.metrology.heights.scale_limited import TRANSFER_PX
 from semsfm_colmap.pipeline.height_map import height_map
+from semsfm_colmap.types import TriangleMesh
 from tests.exports.ball_project import UNIT, write_project
 from tests.metrology.heights.surfaces import a_map, rough, sheet
 from tests.surface.scene import RADIUS, SCALE
@@ -142,6 +144,42 @@ def test_a_truth_of_other_images_is_refused(project, tmp_path):
         height_map(project, FEW, truth_path=tmp_path / "s")
 
 
+def test_what_stands_over_the_truth_beside_the_region_is_left_out(field, tmp_path, monkeypatch):
+    """The truth is the mesh itself and a roof over the region that the image shows beside it."""
+    copy = shutil.copytree(field, tmp_path / "p")
+    model = read_model(copy / "sparse" / "0")
+    mesh = read_ply_mesh(copy / "mesh" / "mesh.ply")
+    x, y = project_centre(copy)
+    region = (x - 25.0, y - 25.0, x + 25.0, y + 25.0)
+    up = np.array(height_map(copy, FEW, region=region)["axes"])[2]
+    shown = model.cameras.project(mesh.vertices, np.zeros(len(mesh.vertices), dtype=int))
+    below = np.all(np.abs(shown - [x, y]) < 25.0, axis=1)
+    # the map looks down along `up`, the image 17 degrees from it: 74 px to the side
+    roof = mesh.vertices + 250.0 * PX * up
+    faces = mesh.faces[below[mesh.faces].all(axis=1)]
+    true = Truth(
+        path=copy,
+        names=model.image_names,
+        cameras=model.cameras,
+        image_size_px=(160, 120),
+        unit_um=1.0,
+        true_deg=np.zeros(model.num_images),
+        axis=np.array([0.0, 1.0, 0.0]),
+        mesh=mesh,
+    )
+    roofed = TriangleMesh(
+        vertices=np.concatenate([mesh.vertices, roof]),
+        faces=np.concatenate([mesh.faces, faces + len(mesh.vertices)]),
+    )
+    found = []
+    for truth in (true, replace(true, mesh=roofed)):
+        monkeypatch.setattr("semsfm_colmap.evaluation.truth.load_truth", lambda path, t=truth: t)
+        found.append(height_map(copy, FEW, region=region, truth_path=copy)["characteristics"])
+    assert found[0] == found[1]
+    values = {c["symbol"]: c["value"] for c in found[0]}
+    assert values["alpha_z"] == pytest.approx(1.0, abs=0.1)
+
+
 def test_halves_of_the_frames_tell_the_noise(project):
     rng = np.random.default_rng(1)
     mesh = read_ply_mesh(project / "mesh" / "mesh.ply")
@@ -172,7 +210,7 @@ def test_a_whole_ball_is_refused_and_a_region_of_it_has_a_height_map(ball, tmp_p
         height_map(copy, options, region=(0.0, 0.0, 5.0, 5.0))
     with pytest.raises(UsageError, match="is empty"):
         height_map(copy, options, region=(50.0, 0.0, 5.0, 5.0))
-    with pytest.raises(UsageError, match="no image of the model"):
+    with pytest.raises(InputError, match=r"no image is called none\.png"):
         height_map(copy, options, region=(0.0, 0.0, 5.0, 5.0), region_image="none.png")
 
 

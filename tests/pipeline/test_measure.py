@@ -9,8 +9,8 @@ import semsfm_colmap
 from semsfm_colmap.cli.main import main
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.metrology.sizes.options import MetrologyOptions
-from semsfm_colmap.pipeline.measure import read_specimen
 from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.specimen import read_specimen
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from semsfm_colmap.geometry.scan_drift import with_drift as seen_with_drift
 from semsfm_colmap.geometry.scan_drift import without_drift
 from semsfm_colmap.refinement.adjustment import BundleSettings
 from semsfm_colmap.refinement.bundle import BundleModel
@@ -124,3 +125,4 @@ def test_without_drift_is_the_inverse_of_the_drift():
     seen = np.einsum("oij,oj->oi", A[i], s.points[obs.track_idx]) + t[i]
     ideal = without_drift(seen, drift[i], np.full(len(i), HEIGHT))
     assert np.allclose(ideal, s.cameras.project(s.points[obs.track_idx], i), atol=1e-9)
+    assert np.allclose(seen_with_drift(ideal, drift[i], np.full(len(i), HEIGHT)), seen, atol=1e-9)

@@ -9,19 +9,21 @@ import numpy as np
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.mesh_normals import face_normals
 from semsfm_colmap.metrology.heights.height_map import HeightMap
-from semsfm_colmap.types import OrthographicCameras, TriangleMesh
+from semsfm_colmap.types import Float, TriangleMesh
 
 Rectangle = tuple[float, float, float, float]
 
 
 def part_in_rectangle(
-    mesh: TriangleMesh, cameras: OrthographicCameras, image: int, rectangle: Rectangle
+    mesh: TriangleMesh, shown: Float, viewing_direction: Float, rectangle: Rectangle
 ) -> TriangleMesh:
     """Faces whose corners lie in a rectangle of an image and that are turned toward its viewer.
 
     Parameters
     ----------
-    rectangle : x0, y0, x1, y1 in px of the image
+    shown : (V, 2) px of the image that shows the vertices
+    viewing_direction : (3,) away from the viewer
+    rectangle : x0, y0, x1, y1 in the same px
 
     Raises
     ------
@@ -34,9 +36,8 @@ def part_in_rectangle(
     x0, y0, x1, y1 = rectangle
     if not (x0 < x1 and y0 < y1):
         raise UsageError(f"region {rectangle} is empty: give x0 y0 x1 y1 with x0 < x1 and y0 < y1")
-    xy = cameras.project(mesh.vertices, np.full(len(mesh.vertices), image))
-    inside = np.all((xy >= [x0, y0]) & (xy <= [x1, y1]), axis=1)
-    toward = face_normals(mesh.vertices, mesh.faces) @ cameras.viewing_direction[image] < 0
+    inside = np.all((shown >= [x0, y0]) & (shown <= [x1, y1]), axis=1)
+    toward = face_normals(mesh.vertices, mesh.faces) @ viewing_direction < 0
     keep = inside[mesh.faces].all(axis=1) & toward
     if not keep.any():
         raise InputError(f"region {rectangle} shows nothing of the surface: choose another one.")
@@ -48,13 +49,15 @@ def part_in_rectangle(
 
 
 def place_in_map(
-    height_map: HeightMap, cameras: OrthographicCameras, image: int, xy: tuple[float, float]
+    height_map: HeightMap, shown: Float, px_per_unit: float, xy: tuple[float, float]
 ) -> tuple[float, float]:
     """The place x, y of a height map that an image shows at a pixel.
 
     Parameters
     ----------
-    xy : px of the image
+    shown : (K, 2) px of the image that shows the cells, in the order of `HeightMap.points`
+    px_per_unit : magnification of the image
+    xy : px of the same image
 
     Raises
     ------
@@ -63,11 +66,9 @@ def place_in_map(
 
     """
     row, column = np.nonzero(height_map.measured)
-    shown = cameras.project(height_map.points(), np.full(len(row), image))
     away = np.linalg.norm(shown - xy, axis=1)
     nearest = int(np.argmin(away))
-    scale = float(cameras.scale_px_per_unit[image])
-    if away[nearest] > max(height_map.spacing) * scale:
+    if away[nearest] > max(height_map.spacing) * px_per_unit:
         raise InputError(
             f"The height map has no cell at {xy} px of the image: choose another place."
         )

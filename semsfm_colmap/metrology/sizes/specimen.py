@@ -22,7 +22,7 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
-from semsfm_colmap.geometry.scan_drift import without_drift
+from semsfm_colmap.geometry.scan_drift import with_drift, without_drift
 from semsfm_colmap.io.open3d_rays import ray_scene, ray_tensor
 from semsfm_colmap.types import Array, Bool, Float, Int, Reconstruction, SemFrame, TriangleMesh
 
@@ -156,6 +156,27 @@ class Specimen:
             return q
         height = np.full(len(q), float(self.model.image_size_px[image, 1]))
         return without_drift(q, np.broadcast_to(drift[image], q.shape), height)
+
+    def shown(self, image: int, points: Float, normals: Float) -> Float:
+        """Pixels (K, 2) of the original image that show places (K, 3) of the surface.
+
+        The module's formula; nothing is asked about what hides them.
+
+        Parameters
+        ----------
+        normals : (K, 3) outward
+
+        """
+        cameras = self.model.cameras
+        pixels = cameras.project(points, np.full(len(points), image))
+        if self.model.drag_px is not None:
+            n = normals @ cameras.cam_from_world[image].T
+            pixels = pixels - self.model.drag_px * n[:, 2:] * n[:, :2]
+        if self.model.drift_px is not None:
+            height = np.full(len(points), float(self.model.image_size_px[image, 1]))
+            drift = np.broadcast_to(self.model.drift_px[image], pixels.shape)
+            pixels = with_drift(pixels, drift, height)
+        return np.asarray(pixels + self.crop_origin(self.model.image_names[image]))
 
     def on_rays(self, image: int, q: Float) -> Float:
         """A place (K, 3) on the ray of each pixel that the model shows there."""

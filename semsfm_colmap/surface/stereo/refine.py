@@ -9,7 +9,7 @@ from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.level import Level
 from semsfm_colmap.surface.stereo.plane_kernels import local_planes
 from semsfm_colmap.surface.stereo.refine_kernels import slanted_step
-from semsfm_colmap.surface.stereo.relight import relit
+from semsfm_colmap.surface.stereo.relight import gain_of_relief, relit
 from semsfm_colmap.types import Array, Float, Int, OrthographicCameras
 
 _STRIDE_PX = 2
@@ -47,7 +47,8 @@ def refine_depths(
     for _ in range(options.num_refinements):
         plane = local_planes(depth, score, options.slope_radius_px, 2.5 * level.unit)
         normals = camera_normals(cameras, reference, level.scaling, plane)
-        lit = relit(level.grey + level.mean_grey, normals, change_of_light)
+        gain = gain_of_relief(level, plane, normals, change_of_light)
+        lit = relit(level.grey + level.mean_grey, normals, change_of_light, gain)
         slanted_step(
             level.grey,
             lit,

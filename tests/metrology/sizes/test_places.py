@@ -55,6 +55,8 @@ def test_drift_and_drag_of_the_image_are_taken_out_of_the_pixel(specimen):
     row = (q[1] - 500.0) / 1000.0
     back = q + np.array([3.0, -2.0]) * row - 0.8 * n[2] * n[:2]
     np.testing.assert_allclose(back, [420.0, 800.0], atol=0.02)
+    shown = replace(specimen, model=model).shown(2, moved.points, moved.normals)
+    np.testing.assert_allclose(shown, [[420.0, 800.0]], atol=0.02)
 
 
 def frame(name, crop):
@@ -73,6 +75,7 @@ def test_pixels_are_those_of_the_original_image(specimen):
     a = at_pixel(specimen, "im_1.tif", (420.0, 610.0), "p")
     b = at_pixel(cropped, "im_1_raw.tif", (450.0, 622.0), "p")
     np.testing.assert_allclose(a.points, b.points)
+    np.testing.assert_allclose(cropped.shown(1, b.points, b.normals), [[450.0, 622.0]], atol=1e-3)
     with pytest.raises(InputError, match="lies outside of the image, of which x 30 to 1030"):
         at_pixel(cropped, "im_1.tif", (20.0, 500.0), "p")
 

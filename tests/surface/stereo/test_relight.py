@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from semsfm_colmap.surface.stereo.level import Level
 from semsfm_colmap.surface.stereo.rasters import Raster
 from semsfm_colmap.surface.stereo.relight import (
-    RELIEF_GAIN,
+    GAIN_OVER_SHOWN,
+    MAX_GAIN,
     change_of_light,
+    gain_of_relief,
     light_of,
     relit,
 )
+from semsfm_colmap.surface.stereo.views import AffineSweep
 from semsfm_colmap.types import Float, Observations, OrthographicCameras, Reconstruction
 
 LIGHT = np.array([0.1, -0.2, 0.7])
@@ -88,19 +92,78 @@ def test_a_relit_place_is_as_bright_as_the_neighbour_shows_it(light: Float) -> N
     normals /= np.linalg.norm(normals, axis=0)
     neighbors = np.array([1, 2])
     change = change_of_light(light, R, 0, neighbors)
-    found = relit(np.full((4, 5), 80.0, dtype=np.float32), normals, change)
+    found = relit(np.full((4, 5), 80.0, dtype=np.float32), normals, change, 1.5)
     for j, image in enumerate(neighbors):
         turned = np.einsum("ab,bhw->ahw", R[image] @ R[0].T, normals)
-        gain = np.exp(np.tensordot(light, turned - normals, 1))
-        np.testing.assert_allclose(found[j], 80.0 * gain**RELIEF_GAIN, rtol=1e-5)
+        brighter = np.exp(np.tensordot(light, turned - normals, 1))
+        np.testing.assert_allclose(found[j], 80.0 * brighter**1.5, rtol=1e-5)
 
 
 def test_where_no_normal_is_known_the_grey_stays() -> None:
     grey = np.arange(12, dtype=np.float32).reshape(3, 4)
-    found = relit(grey, np.full((3, 3, 4), np.nan), np.ones((2, 3)))
+    found = relit(grey, np.full((3, 3, 4), np.nan), np.ones((2, 3)), 1.5)
     np.testing.assert_array_equal(found, np.stack([grey, grey]))
 
 
 def test_an_image_from_the_same_side_is_lit_alike() -> None:
     R = turned_about_y(np.array([5.0, 5.0]))
     np.testing.assert_allclose(change_of_light(LIGHT, R, 0, np.array([1])), 0.0, atol=1e-15)
+
+
+CHANGE = np.array([[0.3, 0.1, 0.2], [-0.2, 0.2, 0.1]])
+
+
+def rough_normals(noise: float, seed: int) -> Float:
+    """(3, 80, 90) of a rough surface: slopes of 0.3 and, with `noise`, what is not there."""
+    import cv2
+
+    rng = np.random.default_rng(seed)
+    slopes = cv2.GaussianBlur(rng.normal(size=(80, 90, 2)), (0, 0), 2.0).transpose(2, 0, 1)
+    slopes *= 0.3 / slopes.std()
+    slopes += noise * rng.normal(size=slopes.shape)
+    normals = np.concatenate([slopes, -np.ones((1, 80, 90))])
+    return np.asarray(normals / np.linalg.norm(normals, axis=0))
+
+
+def lit_level(true: Float, shown: float) -> Level:
+    """Two neighbours straight above the reference whose light is `shown` of what normals tell."""
+    grey = np.random.default_rng(8).uniform(60.0, 160.0, true.shape[1:])
+    brighter = np.exp(shown * np.tensordot(CHANGE, true, axes=1))
+    return Level(
+        mean_grey=100.0,
+        grey=(grey - 100.0).astype(np.float32),
+        usable=np.ones(grey.shape, dtype=bool),
+        views=(grey * brighter - 100.0).astype(np.float32),
+        view_usable=np.ones((2, *grey.shape), dtype=np.uint8),
+        sweep=AffineSweep(B=np.stack([np.eye(2)] * 2), c=np.ones((2, 2)), e=np.zeros((2, 2))),
+        noise=np.ones(3),
+        contrast=100.0,
+        unit=1.0,
+        scaling=np.ones(2),
+    )
+
+
+@pytest.mark.parametrize("shown", [0.0, 0.1, 0.2])
+def test_the_gain_follows_the_share_of_the_change_that_the_neighbours_show(shown: float) -> None:
+    true = rough_normals(0.0, seed=2)
+    gain = gain_of_relief(lit_level(true, shown), np.zeros((3, 80, 90)), true, CHANGE)
+    assert gain == pytest.approx(GAIN_OVER_SHOWN * shown, rel=0.05, abs=0.02)
+
+
+def test_the_gain_is_bounded() -> None:
+    true = rough_normals(0.0, seed=2)
+    level, flat = lit_level(true, 1.0), np.zeros((3, 80, 90))
+    assert gain_of_relief(level, flat, true, CHANGE) == MAX_GAIN
+    assert gain_of_relief(level, flat, true, -CHANGE) == 0.0
+
+
+def test_noise_of_the_normals_lowers_the_gain() -> None:
+    level, flat = lit_level(rough_normals(0.0, seed=2), 0.2), np.zeros((3, 80, 90))
+    as_strong = gain_of_relief(level, flat, rough_normals(0.3, seed=2), CHANGE)
+    assert as_strong == pytest.approx(0.5 * GAIN_OVER_SHOWN * 0.2, rel=0.15)
+    assert gain_of_relief(level, flat, rough_normals(0.3, seed=3), CHANGE) < 0.05
+
+
+def test_where_no_depth_is_known_there_is_no_gain() -> None:
+    nowhere = np.full((3, 80, 90), np.nan)
+    assert gain_of_relief(lit_level(rough_normals(0.0, seed=2), 1.0), nowhere, nowhere, CHANGE) == 0
