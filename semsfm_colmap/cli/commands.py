@@ -76,6 +76,11 @@ COMMANDS: tuple[Command, ...] = (
         module="measure",
     ),
     Command(
+        name="view",
+        help="the project in the browser, also while it is made: 3-D, sections, lengths, angles",
+        module="view",
+    ),
+    Command(
         name="goniometer",
         help="how the specimen was turned: axis, angles, degrees per um of the actuator, drift",
         module="goniometer",

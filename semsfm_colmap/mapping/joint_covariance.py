@@ -40,7 +40,7 @@ from semsfm_colmap.refinement.adjustment import PoseModel
 from semsfm_colmap.refinement.drag import DragModel
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.trust import displaced_state, uncertainty_of
-from semsfm_colmap.refinement.uncertainty import Uncertainty
+from semsfm_colmap.refinement.uncertainty import Uncertainty, apply_covariance
 from semsfm_colmap.types import Float, Int, Reconstruction
 
 BATCH_OBSERVATIONS = 200_000
@@ -77,7 +77,7 @@ class JointCovariance:
         gradient : (K, 3) of the value by the places, per world unit
 
         """
-        A = self._projection()
+        A = self.projection
         H = np.einsum("km,mxi,mxj->kij", weights, A, A)
         information = np.linalg.eigvalsh(H)
         if np.any(information[:, 0] <= RAY_SHARE * information[:, 2]):
@@ -99,7 +99,7 @@ class JointCovariance:
 
         Moving along its ray a place has no say in it: `gradient` is at right angles to the rays.
         """
-        A = self._projection()[image]
+        A = self.projection[image]
         J = self._jacobian(points, normals, image, np.arange(len(points)))
         back = np.linalg.solve(A @ A.transpose(0, 2, 1), A @ gradient[:, :, None])[:, :, 0]
         out = np.zeros(self.num_params + 1)
@@ -112,9 +112,27 @@ class JointCovariance:
         """n, the camera parameters."""
         return self.model.num_params
 
-    def _projection(self) -> Float:
+    @property
+    def projection(self) -> Float:
         """(M, 2, 3) px per px."""
         return np.asarray(self.model.poses(self.params).projection)
+
+    @property
+    def param_idx(self) -> Int:
+        """(M, p) of each image's parameters, -1 for none."""
+        return np.asarray(self.model.param_idx)
+
+    def times(self, directions: Float) -> Float:
+        """The covariance of the parameters, modes included, times directions (n, P)."""
+        out = apply_covariance(self.uncertainty.noise.cameras, directions)
+        for modes in self.uncertainty.modes.values():
+            out = out + modes @ (modes.T @ directions)
+        return out
+
+    def image_derivatives(self, points: Float, normals: Float, image: int) -> Float:
+        """(K, 2, p) px, of the places' pixels in an image by its parameters."""
+        numbers = np.arange(len(points))
+        return self._jacobian(points, normals, np.full(len(points), image), numbers)
 
     def _jacobian(self, points: Float, normals: Float, image_idx: Int, track_idx: Int) -> Float:
         model = self.model

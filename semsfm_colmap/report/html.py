@@ -7,20 +7,12 @@ behind an instrument's firewall, and in ten years.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from importlib import resources
 
+from semsfm_colmap.errors import MissingDependencyError
 from semsfm_colmap.report.figures import GONIOMETER_FIGURES, DrawnFigure
 from semsfm_colmap.report.html_goniometer import goniometer_table
-from semsfm_colmap.report.html_parts import (
-    bullets,
-    hint,
-    image,
-    remedies,
-    script_json,
-    section,
-    text,
-)
+from semsfm_colmap.report.html_parts import bullets, hint, image, remedies, section, text
 from semsfm_colmap.report.html_tables import (
     guided_table,
     images_table,
@@ -32,20 +24,32 @@ from semsfm_colmap.report.html_tables import (
 from semsfm_colmap.report.inputs import ReportInputs
 from semsfm_colmap.report.metrics import Metrics
 from semsfm_colmap.report.options import ReportOptions
-from semsfm_colmap.report.scene import Scene, build_scene
 from semsfm_colmap.report.verdict import judge
+from semsfm_colmap.report.viewer.fit import fitting_scene
+from semsfm_colmap.report.viewer.html import (
+    KEYS,
+    scene_element,
+    viewer_block,
+    viewer_scripts,
+    viewer_style,
+)
+from semsfm_colmap.report.viewer.scene import ViewerScene
 
 POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src data: blob:; font-src data:; form-action 'none'; base-uri 'none'"
 )
-"""plotly.js compiles some of its shaders' helpers with `Function`, hence 'unsafe-eval'."""
 CAVEATS = (
     "A small residual does not show a right depth, and a formal σ is not an accuracy: measure "
     "something whose size you know."
 )
+EXPLANATION = (
+    "Each frame stands for an image: the mark is its upper edge. Parallel projection fixes the "
+    "direction of view and the place within the image plane; the distance and the size of the "
+    "frames are arbitrary, and the rotation axis is drawn through the middle of the object. Places "
+    "that are picked snap to vertices of mesh.ply."
+)
 SCENE_FIGURE = "scene"
-GRID_SWITCH = '<label><input type="checkbox" id="grid-switch"> grid</label>'
 SECTIONS = (
     ("scene-section", "Scene"), ("figures", "Figures"), ("goniometer", "Goniometer"),
     ("images", "Images"), ("pairs", "Matches"), ("rounds", "Filtering"),
@@ -77,33 +81,15 @@ def _verdict(metrics: Metrics) -> str:
     return section("Verdict", body + hint(CAVEATS), anchor="verdict", kind=kind)
 
 
-def _scene(scene: Scene | None, picture: DrawnFigure | None) -> str:
-    if scene is None:
-        body = hint("There is nothing to show: no points, no mesh.")
-        return section("Scene", body, anchor="scene-section")
-    boxes = "".join(
-        f'<label><input type="checkbox" data-switch="{k}"{" checked" if switch.on else ""}> '
-        f"{text(switch.label)}</label>"
-        for k, switch in enumerate(scene.switches)
-    )
-    buttons = "".join(
-        f'<button type="button" data-view="{text(view)}">{text(view)}</button>'
-        for view in scene.views
-    )
-    body = (
-        f'<div class="controls on-screen">{boxes}{GRID_SWITCH}'
-        f'<span class="gap"></span>{buttons}</div>'
-        '<div id="scene" class="scene on-screen"></div>'
-    )
+def _scene(scene: ViewerScene | None, picture: DrawnFigure | None, reason: str) -> str:
+    still = ""
     if picture is not None and picture.png is not None:
-        body += f'<div class="on-paper">{image(picture.png, picture.caption)}</div>'
-    body += hint(
-        "Each frame stands for an image: the mark is its upper edge, its number shows on hover. "
-        "Parallel projection fixes the direction of view and the place within the image plane; "
-        "the distance and the size of the frames are arbitrary. Drag to turn, wheel to zoom, "
-        "right-drag to move. " + " ".join(scene.remarks)
-    )
-    return section("Scene", body, anchor="scene-section")
+        still = image(picture.png, picture.caption)
+    if scene is None:
+        body = hint(reason or "There is nothing to show: no points, no mesh.") + still
+        return section("Scene", body, anchor="scene-section")
+    body = viewer_block(mode="page", still=still) + hint(f"{KEYS} {EXPLANATION}")
+    return section("Scene", body + hint(" ".join(scene.remarks)), anchor="scene-section")
 
 
 def _goniometer(inputs: ReportInputs, figures: Sequence[DrawnFigure]) -> str:
@@ -136,10 +122,29 @@ def render_page(
     options: ReportOptions | None = None,
 ) -> str:
     """The whole page as text."""
-    from plotly.offline import get_plotlyjs
-
     options = options or ReportOptions()
-    scene = build_scene(inputs, options)
+    around = _page(inputs, metrics, figures, options, None, "")
+    try:
+        scripts = viewer_scripts()
+    except MissingDependencyError as error:
+        return _page(inputs, metrics, figures, options, None, f"{error}.")
+    room = int(1e6 * options.max_page_mb) - len((around + scripts + viewer_style()).encode())
+    scene = fitting_scene(inputs, options, room)
+    if scene is None:
+        return around
+    page = _page(inputs, metrics, figures, options, scene, "")
+    return page.replace("</main>", f"</main>{scene_element(scene)}{scripts}", 1)
+
+
+def _page(
+    inputs: ReportInputs,
+    metrics: Metrics,
+    figures: Sequence[DrawnFigure],
+    options: ReportOptions,
+    scene: ViewerScene | None,
+    reason: str,
+) -> str:
+    """The page without the scene's data and scripts."""
     by_name = {figure.name: figure for figure in figures}
     shown_elsewhere = {SCENE_FIGURE, *(kind.name for kind in GONIOMETER_FIGURES)}
     links = "".join(f'<a href="#{anchor}">{text(title)}</a>' for anchor, title in SECTIONS)
@@ -151,7 +156,7 @@ def render_page(
         f"<h1>{text(inputs.title)}</h1><nav>{links}</nav>"
         + _verdict(metrics)
         + section("Summary", summary(metrics), anchor="summary")
-        + _scene(scene, by_name.get(SCENE_FIGURE))
+        + _scene(scene, by_name.get(SCENE_FIGURE), reason)
         + _figures([figure for figure in figures if figure.name not in shown_elsewhere])
         + _goniometer(
             inputs, [by_name[kind.name] for kind in GONIOMETER_FIGURES if kind.name in by_name]
@@ -162,16 +167,11 @@ def render_page(
         + section("Guided second pass", guided_table(metrics), anchor="guided")
         + section("Run", run_tables(metrics), anchor="run")
     )
-    scripts = ""
-    if scene is not None:
-        scripts = (
-            script_json(asdict(scene), element_id="scene-data")
-            + f"<script>{get_plotlyjs()}</script><script>{_asset('report.js')}</script>"
-        )
+    style = _asset("report.css") + ("" if scene is None else viewer_style())
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{text(POLICY)}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{text(inputs.title)}</title><style>{_asset('report.css')}</style></head>\n"
-        f"<body><main>{body}</main>{scripts}</body></html>\n"
+        f"<title>{text(inputs.title)}</title><style>{style}</style></head>\n"
+        f"<body><main>{body}</main></body></html>\n"
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.records import (
@@ -16,7 +17,7 @@ from semsfm_colmap.records import (
     SurfaceHalves,
     TiltAgreement,
 )
-from semsfm_colmap.types import PointCloud, Reconstruction, SemSeries, TriangleMesh
+from semsfm_colmap.types import Array, Int, PointCloud, Reconstruction, SemSeries, TriangleMesh
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +27,26 @@ class StageUsage:
     name: str
     seconds: float
     peak_memory_mb: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ViewerInputs:
+    """What the 3-D viewer shows beside the model and its surface; all of it may be missing."""
+
+    textured: TriangleMesh | None = None
+    """The surface with its texture, as a rule with fewer faces than `mesh`"""
+    labels: Int | None = None
+    """(V,) of the vertices of the mesh, by `semsfm segment`"""
+    label_names: Mapping[str, int] = field(default_factory=dict)
+    seen: Callable[[Int], tuple[Array, Array]] | None = None
+    """For vertices of the mesh, by their numbers (K,): which images see them, and which they follow
+    where they are measured, (K, M) each"""
+    picture: Callable[[str], Array | None] = lambda name: None
+    """The prepared image (H, W) uint8 of that name"""
+    errors: Mapping[str, Any] | None = None
+    """What lengths between vertices are uncertain by (`metrology.sizes.page_errors`)"""
+    error_arrays: Mapping[str, Array] = field(default_factory=dict)
+    """The arrays of it"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,6 +78,7 @@ class ReportInputs:
     surface_halves: SurfaceHalves | None = None
     """Two surfaces from disjoint halves of the frames compared, where that was asked for."""
     versions: Mapping[str, str] = field(default_factory=dict)
+    viewer: ViewerInputs = field(default_factory=ViewerInputs)
     title: str = "SEM reconstruction"
 
     def __post_init__(self) -> None:

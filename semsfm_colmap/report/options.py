@@ -9,10 +9,13 @@ from dataclasses import dataclass
 class ReportOptions:
     """How much of the model goes into the page; the numbers always use all of it."""
 
-    max_scene_points: int = 25_000
-    """Points drawn in the interactive scene (of the sparse points, and again of the cloud)."""
-    max_scene_faces: int = 30_000
-    """Faces of the mesh drawn in the interactive scene."""
+    max_scene_points: int = 60_000
+    """Points drawn in the 3-D viewer (of the sparse points, and again of the cloud)."""
+    max_scene_faces: int = 120_000
+    """Faces of the mesh drawn in the 3-D viewer; a mesh with more is thinned and loses its
+    texture."""
+    max_page_mb: float = 15.0
+    """Size of the page in 10^6 bytes: the scene is thinned until it fits."""
     max_pair_rows: int = 200
     """Rows of the table of rejected pairs; metrics.json counts all of them."""
     figure_dpi: int = 150

@@ -13,7 +13,7 @@ from typing import Any, overload
 import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
-from semsfm_colmap.geometry.mesh_normals import vertex_normals
+from semsfm_colmap.geometry.unshared import unshared
 from semsfm_colmap.io.atomic import file_aside, write_bytes, write_json, write_text
 from semsfm_colmap.io.ply import write_ply_file
 from semsfm_colmap.surface.depth_view import DepthView, LazyViews, parallel_view
@@ -32,7 +32,7 @@ def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -
     from trimesh.visual.texture import TextureVisuals
 
     folder = Path(folder)
-    vertices, normals, uv, faces = _unshare(mesh)
+    vertices, normals, uv, faces = unshared(mesh)
     image = PIL.Image.fromarray(np.ascontiguousarray(mesh.texture))
 
     def with_material(material: Any) -> Any:
@@ -61,6 +61,32 @@ def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -
         write_bytes(data, folder / name)
     write_text(text, obj_path)
     return glb_path, obj_path
+
+
+def read_textured(path: Path | str) -> TriangleMesh:
+    """A textured mesh that `write_textured` wrote as .glb; its vertices are parted at the seams.
+
+    Raises
+    ------
+    InputError
+        The file is not one of these, or cut short.
+
+    """
+    import trimesh
+
+    try:
+        read = trimesh.load_mesh(path, file_type="glb", process=False)
+        uv, picture = read.visual.uv, read.visual.material.baseColorTexture
+        faces = np.asarray(read.faces, dtype=np.int64)
+        return TriangleMesh(
+            vertices=np.asarray(read.vertices, dtype=np.float64),
+            faces=faces,
+            vertex_normals=np.asarray(read.vertex_normals, dtype=np.float64),
+            uv=np.asarray(uv, dtype=np.float64)[faces],
+            texture=np.asarray(picture.convert("RGB")),
+        )
+    except (OSError, ValueError, KeyError, AttributeError, TypeError, IndexError) as error:
+        raise InputError(f"{path} is no textured mesh ({error}): run `semsfm mesh`") from error
 
 
 def write_shading(shading: Shading, image_names: Sequence[str], path: Path) -> None:
@@ -143,20 +169,6 @@ def project_views(reconstruction: Reconstruction, folder: Path | str) -> LazyVie
         return parallel_view(reconstruction.cameras, i, reconstruction.image_size_px[i], depth_map)
 
     return LazyViews(view, len(rows))
-
-
-def _unshare(mesh: TriangleMesh) -> tuple[Array, Array, Array, Array]:
-    """One vertex for each distinct pair of vertex and texture coordinate."""
-    assert mesh.uv is not None
-    corner = mesh.faces.reshape(-1)
-    uv = np.asarray(mesh.uv, dtype=np.float64).reshape(-1, 2)
-    key = np.column_stack([corner, np.rint(uv * 2**24)]).astype(np.int64)
-    _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
-    normals = mesh.vertex_normals
-    if normals is None:
-        normals = vertex_normals(mesh.vertices, mesh.faces)
-    source = corner[first]
-    return mesh.vertices[source], normals[source], uv[first], inverse.reshape(-1, 3)
 
 
 class DepthMapFolder(Sequence[DepthMap]):

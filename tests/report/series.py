@@ -139,6 +139,21 @@ def cube(side: float = 1.0) -> TriangleMesh:
     return TriangleMesh(vertices=corners, faces=np.array(faces))
 
 
+def sphere(num_rings: int = 120) -> TriangleMesh:
+    """A unit sphere of rings from pole to pole."""
+    theta = np.linspace(0.0, np.pi, num_rings)
+    phi = np.linspace(0.0, 2.0 * np.pi, 2 * num_rings, endpoint=False)
+    t, p = np.meshgrid(theta, phi, indexing="ij")
+    vertices = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)
+    i, j = np.meshgrid(np.arange(num_rings - 1), np.arange(2 * num_rings), indexing="ij")
+    k = (j + 1) % (2 * num_rings)
+    n = 2 * num_rings
+    quads = np.stack([i * n + j, (i + 1) * n + j, (i + 1) * n + k, i * n + k], axis=-1)
+    quads = quads.reshape(-1, 4)
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    return TriangleMesh(vertices=vertices.reshape(-1, 3), faces=faces)
+
+
 def empty_reconstruction(num_images: int = 0) -> Reconstruction:
     """Images without a single point."""
     full = make_reconstruction(np.arange(max(num_images, 1)) * 5.0, num_points=1)

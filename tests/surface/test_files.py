@@ -14,6 +14,7 @@ from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.surface.files import (
     DepthMapFolder,
     read_depth_map,
+    read_textured,
     write_depth_map,
     write_shading,
     write_textured,
@@ -91,3 +92,21 @@ def test_a_missing_or_broken_depth_map_is_named(tmp_path: Path) -> None:
     (tmp_path / "x.png.npz").write_bytes(io.BytesIO(b"nothing").read())
     with pytest.raises(InputError, match="not a depth map"):
         read_depth_map(tmp_path, "x.png")
+
+
+def test_a_textured_mesh_is_read_as_it_was_written(tmp_path):
+    mesh = square(textured=True)
+    glb, _ = write_textured(mesh, tmp_path)
+    read = read_textured(glb)
+    np.testing.assert_allclose(read.vertices[read.faces], mesh.vertices[mesh.faces])
+    np.testing.assert_allclose(read.uv, mesh.uv, atol=1e-6)
+    np.testing.assert_array_equal(read.texture, mesh.texture)
+    np.testing.assert_allclose(read.vertex_normals[:, 2], -1.0)
+
+
+@pytest.mark.parametrize("data", [b"", b"glTF", b"no mesh at all" * 20])
+def test_what_is_no_textured_mesh_is_told(tmp_path, data):
+    path = tmp_path / "mesh.glb"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="no textured mesh"):
+        read_textured(path)

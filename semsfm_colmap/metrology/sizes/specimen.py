@@ -216,11 +216,8 @@ class Specimen:
         best = rows[np.argmin(np.linalg.norm(obs.xy[rows] - pixel, axis=1))]
         return int(obs.track_idx[best]), np.asarray(obs.xy[best])
 
-    def seen_by(self, points: Float, normals: Float) -> Float:
-        """(K, M) 1 for the images that see a place of the surface, 0 for the others.
-
-        Places that no two images at an angle see, in a cleft or on a filling, are given to all.
-        """
+    def sees(self, points: Float, normals: Float) -> Bool:
+        """(K, M) the images that see a place of the surface: facing it, and not behind another."""
         cameras, size = self.model.cameras, self.model.image_size_px
         v = np.asarray(cameras.viewing_direction)
         sees = -(normals @ v.T) >= MIN_FACING
@@ -232,11 +229,22 @@ class Specimen:
                 start = points[some] + LIFT_SHARE * self.extent * normals[some]
                 rays = ray_tensor(start.astype(np.float32), (-v[i]).astype(np.float32))
                 sees[some, i] = ~self.scene.test_occlusions(rays).numpy()
+        return np.asarray(sees)
+
+    def followed(self, sees: Bool) -> Float:
+        """(K, M) weights of the images that places follow: 1 for those that see one.
+
+        Places that no two images at an angle see, in a cleft or on a filling, are given to all.
+        """
+        v = np.asarray(self.model.cameras.viewing_direction)
         spread = np.einsum("km,mi,mj->kij", sees.astype(np.float64), v, v)
         # the second eigenvalue is the sum of squared sines to the mean direction
         alone = np.linalg.eigvalsh(spread)[:, 1] < FLAT_SINE**2
-        sees[alone] = True
-        return np.asarray(sees, dtype=np.float64)
+        return np.asarray(sees | alone[:, None], dtype=np.float64)
+
+    def seen_by(self, points: Float, normals: Float) -> Float:
+        """(K, M) 1 for the images that places of the surface follow, 0 for the others."""
+        return self.followed(self.sees(points, normals))
 
     def check_one_world(self) -> None:
         """Refuse a mesh that is not of the model: mapped again, it may be turned or reversed.

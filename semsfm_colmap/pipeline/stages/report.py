@@ -38,6 +38,7 @@ def gather_inputs(project: Project, record: RunRecord, *, surface: bool = True) 
     from semsfm_colmap.io.ply import read_ply_cloud, read_ply_mesh
     from semsfm_colmap.pipeline.goniometer import read_goniometer
     from semsfm_colmap.pipeline.record import versions
+    from semsfm_colmap.pipeline.viewer_inputs import read_viewer_inputs
     from semsfm_colmap.report.inputs import ReportInputs, StageUsage
 
     reconstruction = project.read_main_model()
@@ -52,6 +53,8 @@ def gather_inputs(project: Project, record: RunRecord, *, surface: bool = True) 
             f"report/{GONIOMETER_FILE} is of another model and is not shown: run `semsfm "
             "goniometer` again"
         )
+    viewer, without = read_viewer_inputs(project)
+    said += [without] if without else []
     mesh_file, cloud_file = project.mesh / "mesh.ply", project.dense / "fused.ply"
     return ReportInputs(
         reconstruction=reconstruction,
@@ -71,6 +74,7 @@ def gather_inputs(project: Project, record: RunRecord, *, surface: bool = True) 
         mesh=read_ply_mesh(mesh_file) if surface and mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if surface and cloud_file.is_file() else None,
         surface_halves=None if densified is None else densified.half_series,
+        viewer=viewer,
         versions=versions(),
         models=() if mapped is None else mapped.models,
         title=project.path.resolve().name,

@@ -1,0 +1,48 @@
+"""`semsfm view PROJECT`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from semsfm_colmap.cli.common import parse
+from semsfm_colmap.metrology.sizes.options import MetrologyOptions
+
+DESCRIPTION = """Show a project in the browser: model, surface, cameras; sections; lengths and
+angles of the surface with their budgets (docs/report.md). The server answers this machine alone and
+writes nothing; while `semsfm reconstruct` runs, the page shows what is there. Ctrl-C ends it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """Arguments of the command."""
+
+    project_path: tyro.conf.Positional[Path]
+    """The project folder."""
+    no_browser: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Print the address and open no browser."""
+    options: Annotated[MetrologyOptions, tyro.conf.arg(name="")] = field(
+        default_factory=MetrologyOptions
+    )
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run the command."""
+    from semsfm_colmap.pipeline.view import view
+
+    parsed = parse(Arguments, arguments, "view", DESCRIPTION)
+
+    def say(line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+    view(
+        parsed.project_path,
+        options=parsed.options,
+        open_browser=not parsed.no_browser,
+        say=say,
+    )
