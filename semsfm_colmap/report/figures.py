@@ -95,7 +95,7 @@ FIGURES = (
     ),
     FigureKind(
         name="co_visibility",
-        caption="Tracks shared by each two frames; white where there are none.",
+        caption="Tracks shared by each two frames; blank where there are none.",
         draw=figures_visibility.co_visibility_matrix,
     ),
     FigureKind(

@@ -135,7 +135,7 @@ def render_page(
         "relative to the median; σ is formal."
     )
     body = (
-        f"<h1>{text(inputs.title)}</h1><nav>{links}</nav>"
+        f'<h1>{text(inputs.title)}</h1><nav aria-label="Parts of the page">{links}</nav>'
         + _verdict(metrics)
         + section("Summary", summary(metrics), anchor="summary")
         + _scene(scene, by_name.get(SCENE_FIGURE))
@@ -160,5 +160,6 @@ def render_page(
         f'<meta http-equiv="Content-Security-Policy" content="{text(POLICY)}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{text(inputs.title)}</title><style>{_asset('report.css')}</style></head>\n"
-        f"<body><main>{body}</main>{scripts}</body></html>\n"
+        '<body><a class="skip" href="#content">Skip to the content</a>'
+        f'<main id="content">{body}</main>{scripts}</body></html>\n'
     )
