@@ -21,6 +21,8 @@ from semsfm_colmap.report.html_tables import (
     run_tables,
     summary,
 )
+from semsfm_colmap.report.images.html import images_body, pair_viewer
+from semsfm_colmap.report.images.panels import Panels
 from semsfm_colmap.report.inputs import ReportInputs
 from semsfm_colmap.report.metrics import Metrics
 from semsfm_colmap.report.options import ReportOptions
@@ -37,10 +39,11 @@ CAVEATS = (
     "something whose size you know."
 )
 SCENE_FIGURE = "scene"
+PANEL_SCRIPTS = ("series", "images", "pairs")
 GRID_SWITCH = '<label><input type="checkbox" id="grid-switch"> grid</label>'
 SECTIONS = (
-    ("scene-section", "Scene"), ("figures", "Figures"), ("goniometer", "Goniometer"),
-    ("images", "Images"), ("pairs", "Matches"), ("rounds", "Filtering"),
+    ("scene-section", "Scene"), ("images", "Images"), ("pairs", "Matches"),
+    ("figures", "Figures"), ("goniometer", "Goniometer"), ("rounds", "Filtering"),
     ("guided", "Guided pass"), ("run", "Run"),
 )  # fmt: skip
 
@@ -105,6 +108,36 @@ def _goniometer(inputs: ReportInputs, figures: Sequence[DrawnFigure]) -> str:
     return section("Goniometer", body + _drawn(figures), anchor="goniometer")
 
 
+IMAGES_HINT = (
+    "Angles are about the fitted axis, relative to the first registered image; scale is relative "
+    "to the median; σ is formal."
+)
+
+
+def _images(metrics: Metrics, panels: Panels | None) -> str:
+    """The images with their panels, and the table of their numbers."""
+    body = images_table(metrics) + hint(IMAGES_HINT)
+    if panels is None:
+        return section("Images", body, anchor="images")
+    table = f"<h3>Table of the images</h3>{body}"
+    return section("Images", images_body(panels, metrics.per_image) + table, anchor="images")
+
+
+def _matches(metrics: Metrics, panels: Panels | None, max_rows: int) -> str:
+    """The numbers of the pairs, and their matches over the images."""
+    body = pairs_table(metrics, max_rows)
+    if panels is not None and len(panels.thumbnails) > 1:
+        body += pair_viewer()
+    return section("Matches", body, anchor="pairs")
+
+
+def _panel_scripts(panels: Panels | None) -> str:
+    if panels is None:
+        return ""
+    scripts = "".join(f"<script>{_asset(f'{name}.js')}</script>" for name in PANEL_SCRIPTS)
+    return script_json(panels.data, element_id="series-data") + scripts
+
+
 def _figures(figures: Sequence[DrawnFigure]) -> str:
     return section("Figures", _drawn(figures), anchor="figures")
 
@@ -121,8 +154,15 @@ def render_page(
     metrics: Metrics,
     figures: Sequence[DrawnFigure],
     options: ReportOptions | None = None,
+    panels: Panels | None = None,
 ) -> str:
-    """The whole page as text."""
+    """The whole page as text.
+
+    Parameters
+    ----------
+    panels : the images of the series, where they are at hand
+
+    """
     from plotly.offline import get_plotlyjs
 
     options = options or ReportOptions()
@@ -130,25 +170,22 @@ def render_page(
     by_name = {figure.name: figure for figure in figures}
     shown_elsewhere = {SCENE_FIGURE, *(kind.name for kind in GONIOMETER_FIGURES)}
     links = "".join(f'<a href="#{anchor}">{text(title)}</a>' for anchor, title in SECTIONS)
-    images_hint = hint(
-        "Angles are about the fitted axis, relative to the first registered image; scale is "
-        "relative to the median; σ is formal."
-    )
     body = (
         f'<h1>{text(inputs.title)}</h1><nav aria-label="Parts of the page">{links}</nav>'
         + _verdict(metrics)
         + section("Summary", summary(metrics), anchor="summary")
         + _scene(scene, by_name.get(SCENE_FIGURE))
+        + _images(metrics, panels)
+        + _matches(metrics, panels, options.max_pair_rows)
         + _figures([figure for figure in figures if figure.name not in shown_elsewhere])
         + _goniometer(
             inputs, [by_name[kind.name] for kind in GONIOMETER_FIGURES if kind.name in by_name]
         )
-        + section("Images", images_table(metrics) + images_hint, anchor="images")
-        + section("Matches", pairs_table(metrics, options.max_pair_rows), anchor="pairs")
         + section("Filtering by reprojection error", rounds_table(metrics), anchor="rounds")
         + section("Guided second pass", guided_table(metrics), anchor="guided")
         + section("Run", run_tables(metrics), anchor="run")
     )
+    style = _asset("report.css") + ("" if panels is None else _asset("images.css"))
     scripts = ""
     if scene is not None:
         scripts = (
@@ -159,7 +196,7 @@ def render_page(
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{text(POLICY)}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{text(inputs.title)}</title><style>{_asset('report.css')}</style></head>\n"
+        f"<title>{text(inputs.title)}</title><style>{style}</style></head>\n"
         '<body><a class="skip" href="#content">Skip to the content</a>'
-        f'<main id="content">{body}</main>{scripts}</body></html>\n'
+        f'<main id="content">{body}</main>{scripts}{_panel_scripts(panels)}</body></html>\n'
     )

@@ -16,6 +16,7 @@ from semsfm_colmap.records import (
     SurfaceHalves,
     TiltAgreement,
 )
+from semsfm_colmap.report.images.evidence import SeriesEvidence
 from semsfm_colmap.types import PointCloud, Reconstruction, SemSeries, TriangleMesh
 
 
@@ -56,6 +57,8 @@ class ReportInputs:
     cloud: PointCloud | None = None
     surface_halves: SurfaceHalves | None = None
     """Two surfaces from disjoint halves of the frames compared, where that was asked for."""
+    evidence: SeriesEvidence | None = None
+    """Pixels, keypoints, matches and depth maps, for the panels of the images."""
     versions: Mapping[str, str] = field(default_factory=dict)
     title: str = "SEM reconstruction"
 

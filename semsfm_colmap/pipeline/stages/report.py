@@ -12,6 +12,7 @@ def run(on: StageRun) -> ReportRecord:
     from semsfm_colmap.io.ply import read_ply_cloud, read_ply_mesh
     from semsfm_colmap.pipeline.goniometer import read_goniometer
     from semsfm_colmap.pipeline.record import versions
+    from semsfm_colmap.pipeline.report_evidence import read_evidence
     from semsfm_colmap.report.inputs import ReportInputs, StageUsage
     from semsfm_colmap.report.metrics_json import metrics_json
     from semsfm_colmap.report.write import write_report
@@ -48,11 +49,12 @@ def run(on: StageRun) -> ReportRecord:
         mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
         surface_halves=None if densified is None else densified.half_series,
+        evidence=read_evidence(project, record, on.config),
         versions=versions(),
         models=() if mapped is None else mapped.models,
         title=project.path.resolve().name,
     )
-    metrics = write_report(inputs, project.report)
+    metrics = write_report(inputs, project.report, parallel_map=on.executor.map)
     on.reporter.say(f"report: {project.report / 'report.html'}")
     return ReportRecord(num_metrics=len(metrics_json(metrics)))
 
