@@ -86,7 +86,7 @@ def _scene(scene: Scene | None, picture: DrawnFigure | None) -> str:
         '<div id="scene" class="scene on-screen"></div>'
     )
     if picture is not None and picture.png is not None:
-        body += f'<div class="on-paper">{image(picture.png, picture.caption)}</div>'
+        body += f'<div class="on-paper">{image(picture.png, picture.caption, picture=True)}</div>'
     body += hint(
         "Each frame stands for an image: the mark is its upper edge, its number shows on hover. "
         "Parallel projection fixes the direction of view and the place within the image plane; "
@@ -144,7 +144,9 @@ def _figures(figures: Sequence[DrawnFigure]) -> str:
 
 def _drawn(figures: Sequence[DrawnFigure]) -> str:
     """The figures side by side, and why some are not there."""
-    drawn = "".join(image(f.png, f.caption) for f in figures if f.png is not None)
+    drawn = "".join(
+        image(f.png, f.caption, picture=f.picture) for f in figures if f.png is not None
+    )
     absent = [f"Not drawn: {f.name.replace('_', ' ')}, {f.reason}." for f in figures if not f.png]
     return f'<div class="figures">{drawn}</div>' + "".join(hint(line) for line in absent)
 

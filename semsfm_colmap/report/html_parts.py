@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import base64
 import html
+import io
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+FIGURE_QUALITY = 78
+"""Of 100: the lettering stays clean."""
 
 
 def text(value: object) -> str:
@@ -85,14 +89,29 @@ def definitions(pairs: Iterable[tuple[str, str]]) -> str:
     return f'<dl class="summary">{rows}</dl>'
 
 
-def image(png: bytes, caption: str) -> str:
-    """A PNG within the page, at half its pixels, so that it is sharp and all lettering is equal."""
-    width = int.from_bytes(png[16:20], "big")  # the header chunk starts with the width
-    data = base64.b64encode(png).decode("ascii")
+def image(png: bytes, caption: str, *, picture: bool = False) -> str:
+    """A PNG within the page, at half its pixels, so that it is sharp and all lettering is equal.
+
+    A `picture`, of pixels rather than lines, goes in as WebP, which is a fifth of the size.
+    """
+    width, height = (int.from_bytes(png[k : k + 4], "big") for k in (16, 20))  # header chunk
+    address = "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+    if picture:
+        address = webp_address(png)
     return (
-        f'<figure><img alt="{text(caption)}" width="{width // 2}" '
-        f'src="data:image/png;base64,{data}"><figcaption>{text(caption)}</figcaption></figure>'
+        f'<figure><img alt="{text(caption)}" width="{width // 2}" height="{height // 2}" '
+        f'loading="lazy" src="{address}"><figcaption>{text(caption)}</figcaption></figure>'
     )
+
+
+def webp_address(png: bytes) -> str:
+    """The same picture as WebP, as an address that needs no file."""
+    import numpy as np
+    from PIL import Image
+
+    from semsfm_colmap.report.images.pictures import data_uri, webp
+
+    return data_uri(webp(np.asarray(Image.open(io.BytesIO(png))), FIGURE_QUALITY))
 
 
 def script_json(value: Any, *, element_id: str) -> str:

@@ -134,7 +134,7 @@ def _sizes(inputs: ReportInputs, frames: Frames) -> list[SizePx]:
     return [known[name] for name in frames.names]
 
 
-def _pixels(evidence: SeriesEvidence, name: str) -> Array | None:
+def pixels_of(evidence: SeriesEvidence, name: str) -> Array | None:
     """The pixels of an image; None where the file is gone, which is no reason for no report."""
     try:
         return evidence.read_pixels(name)
@@ -150,7 +150,7 @@ def _pictures(
     Images whose files are gone are left out.
     """
     num = len(frames.names)
-    some = [_pixels(evidence, frames.names[k]) for k in spread(num)]
+    some = [pixels_of(evidence, frames.names[k]) for k in spread(num)]
     tried = [pixels for pixels in some if pixels is not None]
     if not tried:
         return {}, 0
@@ -167,7 +167,7 @@ def _pictures(
     )
 
     def both(k: int) -> tuple[str, str] | None:
-        pixels = _pixels(evidence, frames.names[k])
+        pixels = pixels_of(evidence, frames.names[k])
         if pixels is None:
             return None
         return data_uri(large(pixels, width)), data_uri(small(pixels, thumbnail))
