@@ -22,6 +22,8 @@ SHORT_FLAGS = {
 }
 """Flags that may be written short."""
 
+A = TypeVar("A", bound="StageArguments")
+
 Flattened = Annotated[Config, tyro.conf.arg(name="")]
 Verbose = Annotated[bool, tyro.conf.arg(aliases=["-v"])]
 Quiet = Annotated[bool, tyro.conf.arg(aliases=["-q"])]
@@ -113,15 +115,19 @@ def with_default_config(command: type[Any], config: Config) -> type[Any]:
 
 
 def run_stage_command(
-    name: str, stages: Sequence[str], arguments: Sequence[str], description: str
-) -> None:
-    """A command that runs some stages of an existing project."""
+    name: str,
+    stages: Sequence[str],
+    arguments: Sequence[str],
+    description: str,
+    kind: type[A] = StageArguments,  # type: ignore[assignment]
+) -> A:
+    """A command that runs some stages of an existing project; its arguments, of `kind`."""
     from semsfm_colmap.pipeline.runner import run_stages
 
     args = positional_first(arguments)
     project = Path(args[0]) if args and not args[0].startswith("-") else None
-    command = with_default_config(StageArguments, file_config(args, project))
-    parsed = parse(command, args, name, description)
+    command = with_default_config(kind, file_config(args, project))
+    parsed: A = parse(command, args, name, description)
     if not parsed.project_path.is_dir():
         raise UsageError(f"{parsed.project_path} is not a folder: give a project folder")
     run_stages(
@@ -131,3 +137,4 @@ def run_stage_command(
         reporter=verbosity(parsed.verbose, parsed.quiet),
         force=parsed.force,
     )
+    return parsed

@@ -247,6 +247,7 @@
     }));
   document.querySelectorAll('#panel input[name="over"], #panel input[name="fate"], #reach')
     .forEach((box) => box.addEventListener("input", draw));
+  byId("without-script").hidden = true;
   byId("panel").hidden = false;
   new ResizeObserver(draw).observe(byId("stack"));
   show(0);

@@ -21,8 +21,8 @@ PICTURES = (
 )
 ZOOMS = (1, 2, 4)
 WITHOUT_SCRIPT = (
-    "<noscript><p>The panels of the images and the viewer of pairs need JavaScript; the table "
-    "below and the figures do not.</p></noscript>"
+    '<p class="hint" id="without-script">The panels of the images and the viewer of pairs need '
+    "JavaScript; the table below and the figures do not.</p>"
 )
 
 
@@ -91,8 +91,8 @@ def panel() -> str:
         '<h3 id="panel-title" aria-live="polite"></h3><p id="panel-facts"></p>'
         '<div class="controls on-screen">'
         f"{_choices('Picture', 'radio', 'picture', pictures, blend)}"
-        f"{_choices('Over it', 'checkbox', 'over', over, reach)}"
-        f"{_choices('Keypoints', 'checkbox', 'fate', fates)}</div>"
+        f"{_choices('Over it', 'checkbox', 'over', over, reach)}</div>"
+        f'<div class="controls">{_choices("Keypoints", "checkbox", "fate", fates)}</div>'
         '<div class="view" id="view" tabindex="0" role="group" aria-label="The image; scrolls">'
         '<div class="stack" id="stack"><img id="base" alt=""><img id="second" alt="" hidden>'
         '<canvas id="overlay" role="img"></canvas></div></div>'
