@@ -10,7 +10,7 @@ from semsfm_colmap.config import Config
 from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.records import MATCH_STEPS
-from semsfm_colmap.types import Array, Bool, DepthMap, Int
+from semsfm_colmap.types import Array, DepthMap, Int
 
 if TYPE_CHECKING:
     from semsfm_colmap.report.images.evidence import PairEvidence, SeriesEvidence
@@ -22,6 +22,7 @@ PAIR_CODE = 2**32
 def read_evidence(project: Project, record: RunRecord, config: Config) -> SeriesEvidence:
     """Everything the report shows of the images; without a database, their pixels alone."""
     from semsfm_colmap.io.grey import read_grey
+    from semsfm_colmap.pipeline.stages.map import build_observations
     from semsfm_colmap.report.images.evidence import ImageEvidence, SeriesEvidence
     from semsfm_colmap.surface.files import depth_map_path, read_depth_map
 
@@ -35,8 +36,12 @@ def read_evidence(project: Project, record: RunRecord, config: Config) -> Series
 
     if not project.database.is_file():
         return SeriesEvidence(read_pixels=pixels, images={}, read_depth_map=depth_map)
-    keypoints, ids = read_measured(project, record, config)
-    tracked = in_tracks(project, record, config, {n: len(rows) for n, rows in keypoints.items()})
+    keypoints, ids = read_measured(project, record)
+    names = project.read_series().names
+    tracks, _, _ = build_observations(project, record, config)
+    tracked = {name: np.zeros(len(rows), dtype=bool) for name, rows in keypoints.items()}
+    for i, name in enumerate(names):
+        tracked[name][tracks.keypoint_idx[tracks.image_idx == i]] = True
     return SeriesEvidence(
         read_pixels=pixels,
         images={
@@ -44,13 +49,13 @@ def read_evidence(project: Project, record: RunRecord, config: Config) -> Series
             for name, rows in keypoints.items()
         },
         pairs=read_pairs(project, ids, {name: len(rows) for name, rows in keypoints.items()}),
+        tracks=tracks,
+        track_names=names,
         read_depth_map=depth_map,
     )
 
 
-def read_measured(
-    project: Project, record: RunRecord, config: Config
-) -> tuple[dict[str, Array], dict[int, str]]:
+def read_measured(project: Project, record: RunRecord) -> tuple[dict[str, Array], dict[int, str]]:
     """The measured keypoints of each image of the series as stored, and the names by image id."""
     from semsfm_colmap.colmap.database.measured import read_num_measured
     from semsfm_colmap.colmap.database.reader import read_database
@@ -66,19 +71,6 @@ def read_measured(
             measured = {k: counts[name] for k, name in ids.items() if name in counts}
         rows = {name: reader.keypoints(k)[: measured.get(k)] for k, name in ids.items()}
     return rows, ids
-
-
-def in_tracks(
-    project: Project, record: RunRecord, config: Config, num: dict[str, int]
-) -> dict[str, Bool]:
-    """For each image, which of its measured keypoints a track was built from."""
-    from semsfm_colmap.pipeline.stages.map import build_observations
-
-    observations, _, _ = build_observations(project, record, config)
-    tracked = {name: np.zeros(count, dtype=bool) for name, count in num.items()}
-    for i, name in enumerate(project.read_series().names):
-        tracked[name][observations.keypoint_idx[observations.image_idx == i]] = True
-    return tracked
 
 
 def read_pairs(

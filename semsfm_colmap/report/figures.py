@@ -14,6 +14,7 @@ from semsfm_colmap.report import (
     figures_goniometer,
     figures_images,
     figures_overview,
+    figures_progress,
     figures_residuals,
     figures_scene,
     figures_structure,
@@ -83,6 +84,14 @@ FIGURES = (
         "frames blue, to later ones red. Under rotation about one axis they are smooth and "
         "alike; one that stands out is a mismatch.",
         draw=figures_images.trajectories,
+        picture=True,
+    ),
+    FigureKind(
+        name="structure_progress",
+        caption="The structure as the paper's figure 6 has it, seen mostly from above: points of "
+        "all tracks, those that filtering leaves (both with the final cameras), and the model. "
+        "Strays should be gone from the second on.",
+        draw=figures_progress.structure_progress,
         picture=True,
     ),
     FigureKind(

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from importlib import resources
 
+from semsfm_colmap.report.feature_study import study_body
 from semsfm_colmap.report.figures import GONIOMETER_FIGURES, DrawnFigure
 from semsfm_colmap.report.html_goniometer import goniometer_table
 from semsfm_colmap.report.html_parts import bullets, hint, image, script_json, section, text
@@ -44,7 +45,7 @@ GRID_SWITCH = '<label><input type="checkbox" id="grid-switch"> grid</label>'
 SECTIONS = (
     ("scene-section", "Scene"), ("images", "Images"), ("pairs", "Matches"),
     ("figures", "Figures"), ("goniometer", "Goniometer"), ("rounds", "Filtering"),
-    ("guided", "Guided pass"), ("run", "Run"),
+    ("features", "Features"), ("guided", "Guided pass"), ("run", "Run"),
 )  # fmt: skip
 
 
@@ -184,6 +185,7 @@ def render_page(
             inputs, [by_name[kind.name] for kind in GONIOMETER_FIGURES if kind.name in by_name]
         )
         + section("Filtering by reprojection error", rounds_table(metrics), anchor="rounds")
+        + section("Detectors and descriptors", study_body(inputs.feature_study), anchor="features")
         + section("Guided second pass", guided_table(metrics), anchor="guided")
         + section("Run", run_tables(metrics), anchor="run")
     )

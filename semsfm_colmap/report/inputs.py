@@ -16,6 +16,7 @@ from semsfm_colmap.records import (
     SurfaceHalves,
     TiltAgreement,
 )
+from semsfm_colmap.report.feature_study import FeatureStudy
 from semsfm_colmap.report.images.evidence import SeriesEvidence
 from semsfm_colmap.types import PointCloud, Reconstruction, SemSeries, TriangleMesh
 
@@ -59,6 +60,8 @@ class ReportInputs:
     """Two surfaces from disjoint halves of the frames compared, where that was asked for."""
     evidence: SeriesEvidence | None = None
     """Pixels, keypoints, matches and depth maps, for the panels of the images."""
+    feature_study: FeatureStudy | None = None
+    """Detectors and descriptors compared on the images, where that was done."""
     versions: Mapping[str, str] = field(default_factory=dict)
     title: str = "SEM reconstruction"
 

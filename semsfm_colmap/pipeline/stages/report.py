@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from semsfm_colmap.io.layout import GONIOMETER_FILE
+from semsfm_colmap.pipeline.feature_study import TABLE as STUDY_TABLE
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import DensifyRecord, MapRecord, MatchRecord, ReportRecord
 
@@ -10,6 +11,7 @@ from semsfm_colmap.records import DensifyRecord, MapRecord, MatchRecord, ReportR
 def run(on: StageRun) -> ReportRecord:
     """Gather what the stages have left, and write the report."""
     from semsfm_colmap.io.ply import read_ply_cloud, read_ply_mesh
+    from semsfm_colmap.pipeline.feature_study import read_feature_study
     from semsfm_colmap.pipeline.goniometer import read_goniometer
     from semsfm_colmap.pipeline.record import versions
     from semsfm_colmap.pipeline.report_evidence import read_evidence
@@ -49,6 +51,7 @@ def run(on: StageRun) -> ReportRecord:
         mesh=read_ply_mesh(mesh_file) if mesh_file.is_file() else None,
         cloud=read_ply_cloud(cloud_file) if cloud_file.is_file() else None,
         surface_halves=None if densified is None else densified.half_series,
+        feature_study=read_feature_study(project),
         evidence=read_evidence(project, record, on.config),
         versions=versions(),
         models=() if mapped is None else mapped.models,
@@ -66,5 +69,5 @@ STAGE = Stage(
     sections=(),
     outputs=lambda p: [p.report / "report.html", p.report / "metrics.json"],
     run=run,
-    inputs=lambda p, _: [p.report / GONIOMETER_FILE],
+    inputs=lambda p, _: [p.report / GONIOMETER_FILE, p.feature_study / STUDY_TABLE],
 )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semsfm_colmap.records import MATCH_STEPS
-from semsfm_colmap.types import Array, Bool, DepthMap, Int
+from semsfm_colmap.types import Array, Bool, DepthMap, Int, Observations
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,5 +55,8 @@ class SeriesEvidence:
     """(H, W) uint8 of the prepared image of that name"""
     images: Mapping[str, ImageEvidence]
     pairs: tuple[PairEvidence, ...] = ()
+    tracks: Observations | None = None
+    """As they were built from the matches, before any filter; images numbered as `track_names`"""
+    track_names: tuple[str, ...] = ()
     read_depth_map: Callable[[str], DepthMap | None] = lambda name: None
     """None where the image has none"""

@@ -51,6 +51,8 @@ def make_evidence(rec: Reconstruction, *, seed: int = 0, reach: int = 1) -> Seri
         read_pixels=lambda name: (gradient % 256).astype(np.uint8),
         images=images,
         pairs=tuple(pairs),
+        tracks=obs,
+        track_names=rec.image_names,
         read_depth_map=depth_map,
     )
 
