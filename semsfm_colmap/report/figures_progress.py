@@ -115,6 +115,8 @@ def structure_progress(data: FigureData) -> Figure | str:
 
 def _panel(axes: Axes, points: Float, R: Float, view: View, title: str, color: str) -> None:
     """The points seen mostly from above, and how many lie outside of the panel."""
+    from matplotlib.ticker import MaxNLocator
+
     uv = ((points - view.center) @ R.T)[:, :2]
     half = REACH_RADII * view.radius
     inside = np.all(np.abs(uv) <= half, axis=1)
@@ -127,3 +129,6 @@ def _panel(axes: Axes, points: Float, R: Float, view: View, title: str, color: s
     axes.set_xlim(-half, half)
     axes.set_ylim(half, -half)
     axes.set_aspect("equal")
+    for axis in (axes.xaxis, axes.yaxis):
+        # the ends of neighbouring panels would touch
+        axis.set_major_locator(MaxNLocator(nbins=5, prune="both"))

@@ -100,7 +100,7 @@ def image(png: bytes, caption: str, *, picture: bool = False) -> str:
         address = webp_address(png)
     return (
         f'<figure><img alt="{text(caption)}" width="{width // 2}" height="{height // 2}" '
-        f'loading="lazy" src="{address}"><figcaption>{text(caption)}</figcaption></figure>'
+        f'src="{address}"><figcaption>{text(caption)}</figcaption></figure>'
     )
 
 

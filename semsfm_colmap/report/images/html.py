@@ -36,7 +36,7 @@ def strip(panels: Panels, images: Sequence[ImageMetrics]) -> str:
         else:
             below = f"{fixed(pose.angle_deg, 1)}° · {number(pose.rms_px, 2)} px"
         shown = (
-            f'<img alt="" loading="lazy" src="{picture}">'
+            f'<img alt="" src="{picture}">'
             if picture is not None
             else '<span class="gone">no file</span>'
         )
