@@ -119,9 +119,9 @@ def textured_structure(data: FigureData) -> Figure | str:
     if mesh is None or len(mesh.faces) == 0 or data.inputs.reconstruction.num_images == 0:
         return NO_MESH
     camera = _oblique_camera(data, mesh, PIXELS_WIDE)
-    view, size = MeshView(mesh), (PIXELS_WIDE, PIXELS_WIDE)
-    pictures = [("structure", view.shaded(camera, 0, size, PIXELS_WIDE))]
-    texture = view.textured(camera, 0, size, PIXELS_WIDE)
+    view = MeshView(mesh)
+    hits = view.hits(camera, 0, (PIXELS_WIDE, PIXELS_WIDE), PIXELS_WIDE)
+    pictures, texture = [("structure", view.shaded(hits))], view.textured(hits)
     if texture is not None:
         pictures.append(("with texture", texture))
     rows = np.flatnonzero(pictures[0][1][..., 3].any(axis=1))

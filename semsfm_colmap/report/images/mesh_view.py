@@ -9,11 +9,12 @@ that slopes to either side differ.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.types import Array, Float, OrthographicCameras, TriangleMesh
+from semsfm_colmap.types import Array, Float, Int, OrthographicCameras, TriangleMesh
 
 CHUNK_PIXELS = 1_000_000
 """Rays in memory at a time."""
@@ -21,6 +22,18 @@ FLAT, STEEP, LIGHT = 0.30, 0.42, 0.24
 """Brightness of a surface that faces the viewer, what an edge adds, and the light from aside."""
 TOWARD_LIGHT = np.array([-1.0, -1.0]) / np.sqrt(2.0)
 """In the image: from the upper left."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Hits:
+    """What each pixel of a picture shows of a mesh."""
+
+    face: Int
+    """(H, W) number of the face; -1 beside the mesh"""
+    place: Array
+    """(H, W, 2) barycentric coordinates of the second and third corner"""
+    cam_from_world: Float
+    """(3, 3) of the camera"""
 
 
 class MeshView:
@@ -37,11 +50,8 @@ class MeshView:
 
     def hits(
         self, cameras: OrthographicCameras, i: int, size_px: tuple[int, int], width_px: int
-    ) -> tuple[Array, Array]:
-        """The face that each pixel of a picture shows and where on it: (H, W) and (H, W, 2).
-
-        Faces are -1 beside the mesh; the place is given by its barycentric coordinates of the
-        second and third corner.
+    ) -> Hits:
+        """The face that each pixel of a picture shows, and where on it.
 
         Parameters
         ----------
@@ -72,7 +82,7 @@ class MeshView:
             number = seen["primitive_ids"].numpy().astype(np.int64)
             face[some] = np.where(number < len(self._mesh.faces), number, -1)
             place[some] = seen["primitive_uvs"].numpy()
-        return face, place
+        return Hits(face=face, place=place, cam_from_world=cameras.cam_from_world[i])
 
     def _at(self, corner_values: Array, face: Array, place: Array) -> Float:
         """(P, D) a quantity of the vertices at places on faces."""
@@ -80,35 +90,30 @@ class MeshView:
         b, c = place[:, :1], place[:, 1:]
         return np.asarray((1.0 - b - c) * corners[:, 0] + b * corners[:, 1] + c * corners[:, 2])
 
-    def shaded(
-        self, cameras: OrthographicCameras, i: int, size_px: tuple[int, int], width_px: int
-    ) -> Array:
+    def shaded(self, hits: Hits) -> Array:
         """(H, W, 4) uint8: the relief in grey, transparent beside the mesh."""
-        face, place = self.hits(cameras, i, size_px, width_px)
-        seen = face >= 0
-        normal = self._at(self._normals, face[seen], place[seen]) @ cameras.cam_from_world[i].T
+        seen = hits.face >= 0
+        normal = self._at(self._normals, hits.face[seen], hits.place[seen]) @ hits.cam_from_world.T
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
         # a surface that is met from behind is shown as if from the front
         normal *= np.where(normal[:, 2:] > 0.0, -1.0, 1.0)
         light = FLAT + STEEP * (1.0 + normal[:, 2]) ** 1.5 + LIGHT * (normal[:, :2] @ TOWARD_LIGHT)
-        picture = np.zeros((*face.shape, 4), dtype=np.uint8)
+        picture = np.zeros((*hits.face.shape, 4), dtype=np.uint8)
         picture[seen, :3] = np.clip(255.0 * light, 0.0, 255.0)[:, None].astype(np.uint8)
         picture[seen, 3] = 255
         return picture
 
-    def textured(
-        self, cameras: OrthographicCameras, i: int, size_px: tuple[int, int], width_px: int
-    ) -> Array | None:
+    def textured(self, hits: Hits) -> Array | None:
         """(H, W, 4) uint8 in the mesh's own colours; None where it has none."""
         from semsfm_colmap.report.thinning import vertex_colors
 
         colors = vertex_colors(self._mesh)
         if colors is None:
             return None
-        face, place = self.hits(cameras, i, size_px, width_px)
-        seen = face >= 0
-        picture = np.zeros((*face.shape, 4), dtype=np.uint8)
-        picture[seen, :3] = np.rint(self._at(colors, face[seen], place[seen])).astype(np.uint8)
+        seen = hits.face >= 0
+        picture = np.zeros((*hits.face.shape, 4), dtype=np.uint8)
+        color = self._at(colors, hits.face[seen], hits.place[seen])
+        picture[seen, :3] = np.rint(color).astype(np.uint8)
         picture[seen, 3] = 255
         return picture
 

@@ -188,7 +188,7 @@ def _mesh_pictures(
     registered = list(image_of)
 
     def encoder(k: int) -> Callable[[int], bytes]:
-        return lambda width: webp(view.shaded(rec.cameras, image_of[k], sizes[k], width))
+        return lambda width: webp(view.shaded(view.hits(rec.cameras, image_of[k], sizes[k], width)))
 
     tried = [encoder(registered[k]) for k in spread(len(registered), 2)]
     height = max(h / w for w, h in sizes)

@@ -132,7 +132,8 @@ def camera(R, scale=20.0):
 
 def test_the_mesh_lies_in_the_picture_where_the_camera_projects_it():
     view = MeshView(cube(4.0))
-    face, place = view.hits(camera(np.eye(3)), 0, SIZE_PX, 320)
+    hits = view.hits(camera(np.eye(3)), 0, SIZE_PX, 320)
+    face, place = hits.face, hits.place
     seen = face >= 0
     # the cube spans 0..4 um, 320..400 px in x and 240..320 px in y, in a picture of half the size
     rows, columns = np.nonzero(seen)
@@ -147,17 +148,21 @@ def test_the_mesh_lies_in_the_picture_where_the_camera_projects_it():
 
 def test_the_picture_of_a_mesh_is_in_its_own_colours_or_shaded():
     mesh = cube(4.0)
-    assert MeshView(mesh).textured(camera(np.eye(3)), 0, SIZE_PX, 160) is None
+    front = camera(np.eye(3))
+    bare = MeshView(mesh)
+    assert bare.textured(bare.hits(front, 0, SIZE_PX, 160)) is None
     red = TriangleMesh(
         vertices=mesh.vertices,
         faces=mesh.faces,
         vertex_colors=np.tile(np.array([200, 30, 10], dtype=np.uint8), (8, 1)),
     )
-    picture = MeshView(red).textured(camera(np.eye(3)), 0, SIZE_PX, 160)
+    view = MeshView(red)
+    picture = view.textured(view.hits(front, 0, SIZE_PX, 160))
     assert picture is not None
     seen = picture[..., 3] == 255
     np.testing.assert_array_equal(np.unique(picture[seen, :3], axis=0), [[200, 30, 10]])
-    ball = MeshView(sphere(40)).shaded(camera(np.eye(3)), 0, SIZE_PX, 320)
+    view = MeshView(sphere(40))
+    ball = view.shaded(view.hits(front, 0, SIZE_PX, 320))
     inside = ball[..., 3] == 255
     rows, columns = np.nonzero(inside)
     height = ball[..., 0].astype(int)
