@@ -10,8 +10,9 @@ extra="${1:-}"
 
 # python3-venv is a package of its own on Debian; the rest are libraries that open3d loads
 system_packages=(python3-venv libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0 libgomp1)
-# COLMAP's own programs, which the tests show our models to; they are skipped without
-[ "$extra" = dev ] && system_packages+=(colmap)
+# COLMAP's own programs, which the tests show our models to, and a browser, which they open the
+# report in; those tests are skipped without
+[ "$extra" = dev ] && system_packages+=(colmap chromium)
 
 install_system_packages() {
     if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
@@ -45,8 +46,8 @@ if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ] || [ constraints.txt -nt
     touch "$stamp"
 fi
 "$venv/bin/python" -c 'import open3d' 2>/dev/null || install_system_packages
-if [ "$extra" = dev ] && ! command -v colmap >/dev/null && [ "$(id -u)" = 0 ]; then
-    install_system_packages
+if [ "$extra" = dev ] && [ "$(id -u)" = 0 ]; then
+    { command -v colmap && command -v chromium; } >/dev/null || install_system_packages
 fi
 "$venv/bin/python" -c 'import open3d' || {
     echo "open3d still does not load: install ${system_packages[*]} (Debian's names)." >&2

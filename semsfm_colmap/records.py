@@ -14,6 +14,10 @@ from typing import Any, Literal, TypeVar
 R = TypeVar("R")
 
 
+MATCH_STEPS = ("static background", "affine RANSAC", "distance filter", "verified")
+"""What a match goes through, in this order; the last one is no filter."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class PairStatistics:
     """What became of the matches of one image pair.

@@ -169,6 +169,8 @@ class AffineTwoViewGeometry(_Frozen):
     rejected_by: Mapping[str, int] = field(default_factory=dict)
     """How many matches each filter dropped."""
     failure: str | None = None
+    step: Int | None = None
+    """(L,) places in `records.MATCH_STEPS`: the filter that dropped each, the last for inliers"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -34,7 +34,7 @@ class Command:
         return main
 
 
-OWN_MODULES = {"extract": "extract", "map": "map", "mesh": "mesh"}
+OWN_MODULES = {"extract": "extract", "map": "map", "mesh": "mesh", "report": "report"}
 """Stages whose command does more than run them on a project folder."""
 
 COMMANDS: tuple[Command, ...] = (

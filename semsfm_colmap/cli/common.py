@@ -27,6 +27,7 @@ SHORT_FLAGS = {
 
 DESCRIBE = "\0describe"
 """No argument that a person types: asks a command for its flags, see `described`."""
+A = TypeVar("A", bound="StageArguments")
 
 Flattened = Annotated[Config, tyro.conf.arg(name="")]
 Verbose = Annotated[bool, tyro.conf.arg(aliases=["-v"])]
@@ -158,17 +159,21 @@ def with_default_config(command: type[Any], config: Config) -> type[Any]:
 
 
 def run_stage_command(
-    name: str, stages: Sequence[str], arguments: Sequence[str], description: str
-) -> None:
-    """A command that runs some stages of an existing project."""
+    name: str,
+    stages: Sequence[str],
+    arguments: Sequence[str],
+    description: str,
+    kind: type[A] = StageArguments,  # type: ignore[assignment]
+) -> A:
+    """A command that runs some stages of an existing project; its arguments, of `kind`."""
     from semsfm_colmap.pipeline.project import Project
     from semsfm_colmap.pipeline.runner import run_stages
     from semsfm_colmap.pipeline.summary import say_summary
 
     args = positional_first(arguments)
     project = Path(args[0]) if args and not args[0].startswith("-") else None
-    command = with_default_config(StageArguments, file_config(args, project))
-    parsed = parse(command, args, name, description)
+    command = with_default_config(kind, file_config(args, project))
+    parsed: A = parse(command, args, name, description)
     if not parsed.project_path.is_dir():
         raise UsageError(f"{parsed.project_path} is not a folder: give a project folder")
     reporter = verbosity(parsed.verbose, parsed.quiet)
@@ -177,3 +182,4 @@ def run_stage_command(
     )
     if not parsed.quiet:
         say_summary(Project(parsed.project_path), record, stages, reporter)
+    return parsed

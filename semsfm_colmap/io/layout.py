@@ -16,6 +16,8 @@ SEGMENTS_FOLDER = "segments"
 """Labelled copies of cloud, mesh and points, and masks of the specimen."""
 METROLOGY_FOLDER = "metrology"
 """What was measured on the surface."""
+FEATURE_STUDY_FOLDER = "feature_study"
+"""Detectors and descriptors compared on its images, where somebody did."""
 FOLDERS = (
     IMAGES_FOLDER,
     MASKS_FOLDER,
@@ -25,6 +27,7 @@ FOLDERS = (
     REPORT_FOLDER,
     SEGMENTS_FOLDER,
     METROLOGY_FOLDER,
+    FEATURE_STUDY_FOLDER,
 )
 
 SERIES_FILE = "series.json"

@@ -8,7 +8,10 @@ from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_f
 from semsfm_colmap.matching.filters import distance_filter, static_matches
 from semsfm_colmap.matching.options import MatchingOptions
 from semsfm_colmap.matching.ransac import find_affine_fundamental
+from semsfm_colmap.records import MATCH_STEPS
 from semsfm_colmap.types import AffineTwoViewGeometry, Float, Int
+
+STATIC, EPIPOLAR, DISTANCE, VERIFIED = range(len(MATCH_STEPS))
 
 
 def verify_pair(
@@ -36,6 +39,7 @@ def verify_pair(
     static = static_matches(xy2 - xy1, options.static_radius_px, options.static_excess)
     rejected["static"] = int(static.sum())
     moving = np.flatnonzero(~static)
+    step = np.where(static, STATIC, EPIPOLAR)
     found = find_affine_fundamental(
         xy1[moving],
         xy2[moving],
@@ -55,9 +59,11 @@ def verify_pair(
             residual_px=residual,
             rejected_by=rejected,
             failure=found.message,
+            step=step,
         )
     F, agree = found.value
     supporters = moving[agree]
+    step[supporters] = DISTANCE
     rejected["epipolar"] = int(len(moving) - len(supporters))
     near = distance_filter(xy2[supporters] - xy1[supporters], options.distance_filter_sigmas)
     rejected["distance"] = int(np.sum(~near))
@@ -65,6 +71,7 @@ def verify_pair(
     F = estimate_affine_fundamental(xy1[supporters], xy2[supporters])
     residual = epipolar_residual(F, xy1, xy2)
     inlier[supporters] = np.abs(residual[supporters]) < options.max_error_px
+    step[inlier] = VERIFIED
     return AffineTwoViewGeometry(
         image_pair=image_pair,
         keypoints=matches,
@@ -72,4 +79,5 @@ def verify_pair(
         inlier=inlier,
         residual_px=residual,
         rejected_by=rejected,
+        step=step,
     )

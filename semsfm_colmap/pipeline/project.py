@@ -98,6 +98,11 @@ class Project:
         return self.path / layout.METROLOGY_FOLDER
 
     @property
+    def feature_study(self) -> Path:
+        """Detectors and descriptors compared."""
+        return self.path / layout.FEATURE_STUDY_FOLDER
+
+    @property
     def measurements(self) -> Path:
         """What to measure, made by hand."""
         return self.path / layout.MEASUREMENTS_FILE

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from semsfm_colmap.errors import InputError, SemSfmError
 from semsfm_colmap.metrology.sizes.options import MetrologyOptions
-from semsfm_colmap.pipeline.measure import errors_of, read_specimen
+from semsfm_colmap.pipeline.measure import errors_of
 from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.specimen import read_specimen
 
 if TYPE_CHECKING:
     from semsfm_colmap.metrology.sizes.budget import Measurement
@@ -160,7 +161,9 @@ class ProjectView:
         stamp = self.stamp()
         if self._specimen is None or self._specimen[0] != stamp:
             try:
-                self._specimen = (stamp, read_specimen(self.project))
+                specimen = read_specimen(self.project)
+                specimen.check_one_world()
+                self._specimen = (stamp, specimen)
             except SemSfmError:
                 raise
             except (OSError, ValueError) as error:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.metrology.sizes.options import MetrologyOptions
-from semsfm_colmap.pipeline.measure import errors_of, read_specimen
+from semsfm_colmap.pipeline.measure import errors_of
 from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.specimen import read_specimen
 
 if TYPE_CHECKING:
     from semsfm_colmap.metrology.sizes.specimen import Specimen
@@ -24,6 +25,7 @@ def read_viewer_inputs(project: Project) -> tuple[ViewerInputs, str]:
 
     try:
         specimen = read_specimen(project)
+        specimen.check_one_world()
     except InputError as error:
         # the mesh is of another model
         return viewer_inputs(project, None), f"the 3-D viewer measures nothing: {error}"

@@ -7,12 +7,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from semsfm_colmap.report import (
     figures_frames,
     figures_goniometer,
+    figures_images,
     figures_overview,
+    figures_progress,
     figures_residuals,
     figures_scene,
+    figures_structure,
     figures_surface,
     figures_visibility,
 )
@@ -20,6 +25,9 @@ from semsfm_colmap.report.figure_style import FigureData, gather
 from semsfm_colmap.report.inputs import ReportInputs
 from semsfm_colmap.report.metrics import Metrics
 from semsfm_colmap.report.options import ReportOptions
+from semsfm_colmap.types import Int
+
+PADDING_PX = 6
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,6 +40,8 @@ class FigureKind:
     name: str
     caption: str
     draw: Callable[[FigureData], Figure | str]
+    picture: bool = False
+    """Made of pixels rather than lines: it travels in the page as a lossy picture."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +52,7 @@ class DrawnFigure:
     caption: str
     png: bytes | None
     reason: str = ""
+    picture: bool = False
 
 
 FIGURES = (
@@ -50,16 +61,70 @@ FIGURES = (
         caption="Points and camera frames, seen obliquely. The distance of the frames is "
         "arbitrary: parallel projection does not fix it.",
         draw=figures_scene.scene_picture,
+        picture=True,
+    ),
+    FigureKind(
+        name="regions",
+        caption="Regions detected in the middle image, the paper's figure 3: ellipses of twice the "
+        "keypoints' scale, a line in their orientation. They should sit on structure of the "
+        "specimen, in all parts of it.",
+        draw=figures_images.detected_regions,
+        picture=True,
+    ),
+    FigureKind(
+        name="match_filters",
+        caption="Matches of two neighbours as they were found and after each filter, the paper's "
+        "figure 4; what a filter dropped is red. What is left should be nearly parallel.",
+        draw=figures_images.filtered_matches,
+        picture=True,
+    ),
+    FigureKind(
+        name="trajectories",
+        caption="Trajectories of tracks over the middle image, the paper's figure 5: from earlier "
+        "frames blue, to later ones red. Under rotation about one axis they are smooth and "
+        "alike; one that stands out is a mismatch.",
+        draw=figures_images.trajectories,
+        picture=True,
+    ),
+    FigureKind(
+        name="structure_progress",
+        caption="The structure as the paper's figure 6 has it, seen mostly from above: points of "
+        "all tracks, those that filtering leaves (both with the final cameras), and the model. "
+        "Strays should be gone from the second on.",
+        draw=figures_progress.structure_progress,
+        picture=True,
+    ),
+    FigureKind(
+        name="camera_trajectory",
+        caption="The cameras around the point cloud, the paper's figures 16 and 17. Frames should "
+        "follow one another on an even curve; their distance is arbitrary.",
+        draw=figures_structure.camera_trajectory,
+        picture=True,
+    ),
+    FigureKind(
+        name="textured_structure",
+        caption="The estimated structure and the same with texture, the paper's figure 18. Texture "
+        "that runs across relief speaks of a wrong surface.",
+        draw=figures_structure.textured_structure,
+        picture=True,
+    ),
+    FigureKind(
+        name="meshed_surface",
+        caption="The meshed surface with its axes, the paper's figure 19; coarser than mesh.ply.",
+        draw=figures_structure.meshed_surface,
+        picture=True,
     ),
     FigureKind(
         name="surface_sigma",
         caption="Standard deviation of the surface along its normal, as seen in the middle frame: "
         "noise of the matching, relief below the windows and cameras together.",
         draw=figures_surface.surface_sigma,
+        picture=True,
     ),
     FigureKind(
         name="residual_histograms",
-        caption="Residuals of the kept observations, and the Gaussian of the same mean and spread.",
+        caption="Residuals of the kept observations, and the Gaussian of the same mean and spread; "
+        "the paper's figure 15. Thick tails are outliers that were left.",
         draw=figures_residuals.residual_histograms,
     ),
     FigureKind(
@@ -85,17 +150,19 @@ FIGURES = (
     ),
     FigureKind(
         name="matches",
-        caption="Matches of each frame before and after verification.",
+        caption="Matches of each frame before and after verification, the paper's figure 14. No "
+        "frame should fall far below its neighbours.",
         draw=figures_frames.matches_per_frame,
     ),
     FigureKind(
         name="visibility",
-        caption="Which frame sees which track: new points enter below as old ones are lost.",
+        caption="Which frame sees which track, the paper's figure 1: new points enter below as old "
+        "ones are lost. A gap breaks the chain.",
         draw=figures_visibility.visibility_matrix,
     ),
     FigureKind(
         name="co_visibility",
-        caption="Tracks shared by each two frames; white where there are none.",
+        caption="Tracks shared by each two frames; blank where there are none.",
         draw=figures_visibility.co_visibility_matrix,
     ),
     FigureKind(
@@ -146,11 +213,30 @@ def draw_figures(
         if progress is not None:
             progress(done, len(kinds))
         result = kind.draw(data)
-        if isinstance(result, str):
-            figure = DrawnFigure(name=kind.name, caption=kind.caption, png=None, reason=result)
-        else:
-            buffer = io.BytesIO()
-            result.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
-            figure = DrawnFigure(name=kind.name, caption=kind.caption, png=buffer.getvalue())
-        drawn.append(figure)
+        png, reason = (None, result) if isinstance(result, str) else (_png(result, dpi), "")
+        drawn.append(
+            DrawnFigure(
+                name=kind.name, caption=kind.caption, png=png, reason=reason, picture=kind.picture
+            )
+        )
     return tuple(drawn)
+
+
+def _png(figure: Figure, dpi: int) -> bytes:
+    """A figure without the empty margins that a box of three axes leaves."""
+    from PIL import Image
+
+    figure.set_dpi(dpi)
+    figure.canvas.draw()
+    rgba = np.asarray(figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
+    rows, columns = (np.flatnonzero(rgba[..., 3].any(axis=k)) for k in (1, 0))
+    if len(rows):
+        rgba = rgba[_padded(rows, rgba.shape[0]), _padded(columns, rgba.shape[1])]
+    buffer = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(rgba)).save(buffer, "PNG", compress_level=6)
+    return buffer.getvalue()
+
+
+def _padded(used: Int, size: int) -> slice:
+    """From the first used row or column to the last, with some air."""
+    return slice(max(0, int(used[0]) - PADDING_PX), min(size, int(used[-1]) + 1 + PADDING_PX))

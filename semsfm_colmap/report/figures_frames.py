@@ -15,6 +15,7 @@ from semsfm_colmap.report.figure_style import (
     FigureData,
     dress,
     frame_axis,
+    key,
     marker_size,
     new_figure,
 )
@@ -26,14 +27,6 @@ if TYPE_CHECKING:
 
 SMALLEST_TOP = 1e-3
 """px or degrees: no axis is stretched further than this."""
-
-
-def _legend(axes: Axes) -> None:
-    """A legend above the axes, where no data can be."""
-    axes.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=8, frameon=False,
-        borderaxespad=0.1, handlelength=1.2,
-    )  # fmt: skip
 
 
 def _top(values: Float) -> float:
@@ -86,7 +79,7 @@ def matches_per_frame(data: FigureData) -> Figure | str:
     _bars(bottom, x, found, LIGHT, "found")
     _bars(bottom, x, verified, BLUE, "verified")
     dress(bottom, ylabel="matches", title="over all pairs of the frame")
-    _legend(top)
+    key(top)
     frame_axis(bottom, num)
     return figure
 
@@ -104,7 +97,7 @@ def observations_per_frame(data: FigureData) -> Figure | str:
     _bars(top, x, kept + dropped, LIGHT, "rejected")
     _bars(top, x, kept, BLUE, "kept")
     dress(top, ylabel="observations", title="points seen in the frame")
-    _legend(top)
+    key(top)
     _curve(data, bottom, rms, np.full(len(x), np.nan))
     bottom.set_ylim(0.0, _top(rms))
     dress(bottom, ylabel="RMS [px]", title="residual per coordinate")

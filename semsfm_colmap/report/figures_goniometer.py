@@ -14,6 +14,7 @@ from semsfm_colmap.report.figure_style import (
     RED,
     FigureData,
     dress,
+    key,
     marker_size,
     new_figure,
 )
@@ -92,9 +93,9 @@ def axis_per_frame(data: FigureData) -> Figure | str:
             markersize=marker_size(len(x)), elinewidth=0.9, ecolor=RED,
         )  # fmt: skip
         dress(axes, ylabel="axis [°]", title=title)
-    bottom.set_xlabel("frame, in the order of acquisition", fontsize=9)
+    bottom.set_xlabel("frame, in the order of acquisition", fontsize=9, color=GREY)
     if not record.in_order:
-        bottom.set_xlabel("frame, in the order of rotation", fontsize=9)
+        bottom.set_xlabel("frame, in the order of rotation", fontsize=9, color=GREY)
     return figure
 
 
@@ -129,10 +130,7 @@ def specimen_path(data: FigureData) -> Figure | str:
         repeated = -unit * np.array(moves, dtype=np.float64)[:, :2]
         repeated += shift.mean(axis=0) - repeated.mean(axis=0)
         right.plot(number, repeated, color=GREY, linewidth=0.9, linestyle="--")
-    right.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=8, frameon=False,
-        borderaxespad=0.1,
-    )  # fmt: skip
+    key(right)
     dress(right, xlabel="frame", ylabel="shift [px]", title="dashed: circle and drift")
     return figure
 

@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from semsfm_colmap.report.figure_style import BLUE, GREY, RED, FigureData, dress, new_figure
+from semsfm_colmap.report.figure_style import (
+    BLUE,
+    GREY,
+    RED,
+    FigureData,
+    color_bar,
+    dress,
+    new_figure,
+)
 from semsfm_colmap.report.number_text import fixed
 from semsfm_colmap.types import Float
 
@@ -54,7 +62,7 @@ def residual_histograms(data: FigureData) -> Figure | str:
             title += f"\n     μ = {fixed(r.mean_nm, 1)} nm,  σ = {r.sigma_nm:.1f} nm"
         _histogram(axes, kept[:, axis], r.mean_px, r.sigma_px, half)
         dress(axes, xlabel=f"residual in {letter} [px]", title=title)
-    panels[0].set_ylabel("observations per bin", fontsize=9)
+    panels[0].set_ylabel("observations per bin", fontsize=9, color=GREY)
     return figure
 
 
@@ -82,9 +90,7 @@ def residual_map(data: FigureData) -> Figure | str:
     picture = left.imshow(
         rms.reshape(ny, nx), extent=(0, width, height, 0), cmap="viridis", vmin=0.0
     )
-    bar = figure.colorbar(picture, ax=left, shrink=0.8)
-    bar.set_label("RMS per coordinate [px]", fontsize=9)
-    bar.ax.tick_params(labelsize=8)
+    color_bar(figure, picture, left, "RMS per coordinate [px]")
     x, y = np.meshgrid((np.arange(nx) + 0.5) * width / nx, (np.arange(ny) + 0.5) * height / ny)
     longest = float(np.nanmax(np.hypot(*mean)))
     key = float(f"{max(longest, 1e-9):.1g}")
@@ -93,13 +99,14 @@ def residual_map(data: FigureData) -> Figure | str:
         color=BLUE, angles="xy", scale_units="xy", scale=key / (width / nx), width=0.005,
     )  # fmt: skip
     right.quiverkey(
-        arrows, 0.86, 1.05, key, f"{key:g} px", labelpos="E", fontproperties={"size": 8}
-    )
+        arrows, 0.86, 1.05, key, f"{key:g} px", labelpos="E", labelcolor=GREY,
+        fontproperties={"size": 8},
+    )  # fmt: skip
     right.set_aspect("equal")
     right.set_xlim(0, width)
     right.set_ylim(height, 0)
     for axes, title in ((left, "RMS of the residuals"), (right, "mean residual")):
         dress(axes, xlabel="x [px]", title=title)
         axes.grid(False)
-    left.set_ylabel("y [px]", fontsize=9)
+    left.set_ylabel("y [px]", fontsize=9, color=GREY)
     return figure

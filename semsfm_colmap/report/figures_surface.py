@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from semsfm_colmap.report.camera_frames import find_view, inside_view
-from semsfm_colmap.report.figure_style import BLUE, GREY, FigureData, dress, new_figure
+from semsfm_colmap.report.figure_style import BLUE, FigureData, color_bar, dress, new_figure
 from semsfm_colmap.report.number_text import unit_text
 from semsfm_colmap.report.thinning import even_subset
 from semsfm_colmap.types import Array, Float
@@ -44,9 +44,7 @@ def surface_sigma(data: FigureData) -> Figure | str:
     dots = picture.scatter(
         uvz[:, 0], uvz[:, 1], s=1.5, c=sigma[idx], vmin=low, vmax=high, cmap="viridis", linewidths=0
     )
-    bar = figure.colorbar(dots, ax=picture, shrink=0.8)
-    bar.set_label(f"σ along the normal [{unit}]", fontsize=9)
-    bar.ax.tick_params(labelsize=8, color=GREY)
+    color_bar(figure, dots, picture, f"σ along the normal [{unit}]")
     picture.set_aspect("equal")
     picture.invert_yaxis()
     dress(picture, xlabel=f"[{unit}]", ylabel=f"[{unit}]", title="error bars of the surface")

@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from semsfm_colmap.report.figure_style import FigureData, dress, frame_axis, new_figure
+from semsfm_colmap.report.figure_style import (
+    BLUE,
+    GREY,
+    FigureData,
+    color_bar,
+    dress,
+    frame_axis,
+    new_figure,
+)
 from semsfm_colmap.types import Float, Int
 
 if TYPE_CHECKING:
@@ -46,6 +54,8 @@ def visibility_raster(
 
 def visibility_matrix(data: FigureData) -> Figure | str:
     """Frames by tracks, tracks sorted by the frame that sees them first."""
+    from matplotlib.colors import LinearSegmentedColormap
+
     rec, frames = data.inputs.reconstruction, data.frames
     kept = rec.inlier
     if not kept.any():
@@ -57,7 +67,8 @@ def visibility_matrix(data: FigureData) -> Figure | str:
     figure = new_figure(8.0, 3.6)
     axes = figure.subplots()
     axes.imshow(
-        raster, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto", interpolation="nearest",
+        raster, cmap=LinearSegmentedColormap.from_list("seen", [BLUE + "00", BLUE]),
+        vmin=0.0, vmax=1.0, aspect="auto", interpolation="nearest",
         extent=(0, num_seen, num + 0.5, 0.5),
     )  # fmt: skip
     shared = "" if num_seen <= MAX_COLUMNS else f" (about {num_seen / MAX_COLUMNS:.0f} per column)"
@@ -73,11 +84,11 @@ def frame_axis_on_y(axes: Axes, num_frames: int) -> None:
 
     axes.set_ylim(num_frames + 0.5, 0.5)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=10, integer=True, min_n_ticks=1))
-    axes.set_ylabel("frame", fontsize=9)
+    axes.set_ylabel("frame", fontsize=9, color=GREY)
 
 
 def co_visibility_matrix(data: FigureData) -> Figure | str:
-    """Tracks shared by each two frames, on a logarithmic scale; those that share none are white."""
+    """Tracks shared by each two frames, on a logarithmic scale; those that share none are blank."""
     from matplotlib.colors import LogNorm
 
     shared = data.metrics.co_visibility.num_shared_tracks
@@ -92,9 +103,7 @@ def co_visibility_matrix(data: FigureData) -> Figure | str:
         full, cmap="viridis", norm=LogNorm(1.0, max(float(shared.max()), 2.0)),
         interpolation="nearest", extent=(0.5, num + 0.5, num + 0.5, 0.5),
     )  # fmt: skip
-    bar = figure.colorbar(picture, ax=axes)
-    bar.set_label("shared tracks", fontsize=9)
-    bar.ax.tick_params(labelsize=8)
+    color_bar(figure, picture, axes, "shared tracks")
     dress(axes, title="co-visibility")
     frame_axis(axes, num)
     frame_axis_on_y(axes, num)

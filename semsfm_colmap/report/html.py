@@ -10,9 +10,18 @@ from collections.abc import Sequence
 from importlib import resources
 
 from semsfm_colmap.errors import MissingDependencyError
+from semsfm_colmap.report.feature_study import study_body
 from semsfm_colmap.report.figures import GONIOMETER_FIGURES, DrawnFigure
 from semsfm_colmap.report.html_goniometer import goniometer_table
-from semsfm_colmap.report.html_parts import bullets, hint, image, remedies, section, text
+from semsfm_colmap.report.html_parts import (
+    bullets,
+    hint,
+    image,
+    remedies,
+    script_json,
+    section,
+    text,
+)
 from semsfm_colmap.report.html_tables import (
     guided_table,
     images_table,
@@ -21,6 +30,8 @@ from semsfm_colmap.report.html_tables import (
     run_tables,
     summary,
 )
+from semsfm_colmap.report.images.html import images_body, pair_viewer
+from semsfm_colmap.report.images.panels import Panels
 from semsfm_colmap.report.inputs import ReportInputs
 from semsfm_colmap.report.metrics import Metrics
 from semsfm_colmap.report.options import ReportOptions
@@ -50,10 +61,11 @@ EXPLANATION = (
     "that are picked snap to vertices of mesh.ply."
 )
 SCENE_FIGURE = "scene"
+PANEL_SCRIPTS = ("series", "images", "pairs")
 SECTIONS = (
-    ("scene-section", "Scene"), ("figures", "Figures"), ("goniometer", "Goniometer"),
-    ("images", "Images"), ("pairs", "Matches"), ("rounds", "Filtering"),
-    ("guided", "Guided pass"), ("run", "Run"),
+    ("scene-section", "Scene"), ("images", "Images"), ("pairs", "Matches"),
+    ("figures", "Figures"), ("goniometer", "Goniometer"), ("rounds", "Filtering"),
+    ("features", "Features"), ("guided", "Guided pass"), ("run", "Run"),
 )  # fmt: skip
 
 
@@ -84,7 +96,7 @@ def _verdict(metrics: Metrics) -> str:
 def _scene(scene: ViewerScene | None, picture: DrawnFigure | None, reason: str) -> str:
     still = ""
     if picture is not None and picture.png is not None:
-        still = image(picture.png, picture.caption)
+        still = image(picture.png, picture.caption, picture=True)
     if scene is None:
         body = hint(reason or "There is nothing to show: no points, no mesh.") + still
         return section("Scene", body, anchor="scene-section")
@@ -104,13 +116,45 @@ def _goniometer(inputs: ReportInputs, figures: Sequence[DrawnFigure]) -> str:
     return section("Goniometer", body + _drawn(figures), anchor="goniometer")
 
 
+IMAGES_HINT = (
+    "Angles are about the fitted axis, relative to the first registered image; scale is relative "
+    "to the median; σ is formal."
+)
+
+
+def _images(metrics: Metrics, panels: Panels | None) -> str:
+    """The images with their panels, and the table of their numbers."""
+    body = images_table(metrics) + hint(IMAGES_HINT)
+    if panels is None:
+        return section("Images", body, anchor="images")
+    table = f"<h3>Table of the images</h3>{body}"
+    return section("Images", images_body(panels, metrics.per_image) + table, anchor="images")
+
+
+def _matches(metrics: Metrics, panels: Panels | None, max_rows: int) -> str:
+    """The numbers of the pairs, and their matches over the images."""
+    body = pairs_table(metrics, max_rows)
+    if panels is not None and len(panels.thumbnails) > 1:
+        body += pair_viewer()
+    return section("Matches", body, anchor="pairs")
+
+
+def _panel_scripts(panels: Panels | None) -> str:
+    if panels is None:
+        return ""
+    scripts = "".join(f"<script>{_asset(f'{name}.js')}</script>" for name in PANEL_SCRIPTS)
+    return script_json(panels.data, element_id="series-data") + scripts
+
+
 def _figures(figures: Sequence[DrawnFigure]) -> str:
     return section("Figures", _drawn(figures), anchor="figures")
 
 
 def _drawn(figures: Sequence[DrawnFigure]) -> str:
     """The figures side by side, and why some are not there."""
-    drawn = "".join(image(f.png, f.caption) for f in figures if f.png is not None)
+    drawn = "".join(
+        image(f.png, f.caption, picture=f.picture) for f in figures if f.png is not None
+    )
     absent = [f"Not drawn: {f.name.replace('_', ' ')}, {f.reason}." for f in figures if not f.png]
     return f'<div class="figures">{drawn}</div>' + "".join(hint(line) for line in absent)
 
@@ -120,20 +164,30 @@ def render_page(
     metrics: Metrics,
     figures: Sequence[DrawnFigure],
     options: ReportOptions | None = None,
+    panels: Panels | None = None,
 ) -> str:
-    """The whole page as text."""
+    """The whole page as text.
+
+    Parameters
+    ----------
+    panels : the images of the series, where they are at hand
+
+    """
     options = options or ReportOptions()
-    around = _page(inputs, metrics, figures, options, None, "")
+
+    def page(scene: ViewerScene | None, reason: str = "") -> str:
+        return _page(inputs, metrics, figures, options, panels, scene, reason)
+
+    around = page(None)
     try:
         scripts = viewer_scripts()
     except MissingDependencyError as error:
-        return _page(inputs, metrics, figures, options, None, f"{error}.")
+        return page(None, f"{error}.")
     room = int(1e6 * options.max_page_mb) - len((around + scripts + viewer_style()).encode())
     scene = fitting_scene(inputs, options, room)
     if scene is None:
         return around
-    page = _page(inputs, metrics, figures, options, scene, "")
-    return page.replace("</main>", f"</main>{scene_element(scene)}{scripts}", 1)
+    return page(scene).replace("</main>", f"</main>{scene_element(scene)}{scripts}", 1)
 
 
 def _page(
@@ -141,6 +195,7 @@ def _page(
     metrics: Metrics,
     figures: Sequence[DrawnFigure],
     options: ReportOptions,
+    panels: Panels | None,
     scene: ViewerScene | None,
     reason: str,
 ) -> str:
@@ -148,30 +203,30 @@ def _page(
     by_name = {figure.name: figure for figure in figures}
     shown_elsewhere = {SCENE_FIGURE, *(kind.name for kind in GONIOMETER_FIGURES)}
     links = "".join(f'<a href="#{anchor}">{text(title)}</a>' for anchor, title in SECTIONS)
-    images_hint = hint(
-        "Angles are about the fitted axis, relative to the first registered image; scale is "
-        "relative to the median; σ is formal."
-    )
     body = (
-        f"<h1>{text(inputs.title)}</h1><nav>{links}</nav>"
+        f'<h1>{text(inputs.title)}</h1><nav aria-label="Parts of the page">{links}</nav>'
         + _verdict(metrics)
         + section("Summary", summary(metrics), anchor="summary")
         + _scene(scene, by_name.get(SCENE_FIGURE), reason)
+        + _images(metrics, panels)
+        + _matches(metrics, panels, options.max_pair_rows)
         + _figures([figure for figure in figures if figure.name not in shown_elsewhere])
         + _goniometer(
             inputs, [by_name[kind.name] for kind in GONIOMETER_FIGURES if kind.name in by_name]
         )
-        + section("Images", images_table(metrics) + images_hint, anchor="images")
-        + section("Matches", pairs_table(metrics, options.max_pair_rows), anchor="pairs")
         + section("Filtering by reprojection error", rounds_table(metrics), anchor="rounds")
+        + section("Detectors and descriptors", study_body(inputs.feature_study), anchor="features")
         + section("Guided second pass", guided_table(metrics), anchor="guided")
         + section("Run", run_tables(metrics), anchor="run")
     )
-    style = _asset("report.css") + ("" if scene is None else viewer_style())
+    style = _asset("report.css")
+    style += "" if panels is None else _asset("images.css")
+    style += "" if scene is None else viewer_style()
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{text(POLICY)}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{text(inputs.title)}</title><style>{style}</style></head>\n"
-        f"<body><main>{body}</main></body></html>\n"
+        '<body><a class="skip" href="#content">Skip to the content</a>'
+        f'<main id="content">{body}</main>{_panel_scripts(panels)}</body></html>\n'
     )

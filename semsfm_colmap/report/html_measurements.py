@@ -50,6 +50,7 @@ def measurements_page(
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{text(POLICY)}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>Measurements: {text(title)}</title><style>{style.read_text('utf-8')}</style>"
         f"</head>\n<body><main>{body}</main></body></html>\n"
     )
@@ -83,7 +84,7 @@ def _results(ones: Sequence[Mapping[str, Any]]) -> str:
             )
         )
     heads = ("name", "what", "value ± u", "unit", "95 % interval", "known", "Eₙ")
-    return table(heads, rows, text_columns=(0, 1))
+    return table(heads, rows, text_columns=(0, 1), label="Results")
 
 
 def _one(k: int, one: Mapping[str, Any]) -> str:
@@ -110,7 +111,7 @@ def _one(k: int, one: Mapping[str, Any]) -> str:
         f"contribution, {unit}", "share %",
     )  # fmt: skip
     body += bullets(one["remarks"]) if one["remarks"] else ""
-    body += table(heads, rows, text_columns=(0,))
+    body += table(heads, rows, text_columns=(0,), label=f"Budget of {one['name']}")
     body += bullets(f"{name.replace('_', ' ')}: {number(v, 4)}" for name, v in one["facts"].items())
     if one.get("profile"):
         body += _curve(one["profile"], unit)
@@ -162,12 +163,14 @@ def _curve(rows: Sequence[Sequence[float]], unit: str) -> str:
     band = " ".join(place(a, z + s) for a, z, s in rows)
     band += " " + " ".join(place(a, z - s) for a, z, s in reversed(rows))
     return (
-        f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}" role="img">'
-        f'<polygon points="{band}" fill="#2b6cb0" fill-opacity="0.2"/>'
-        f'<polyline points="{line}" fill="none" stroke="#2b6cb0" stroke-width="1.5"/>'
-        f'<text x="4" y="18" font-size="12">{text(number(top))}</text>'
-        f'<text x="4" y="{height - low:g}" font-size="12">{text(number(bottom))}</text>'
-        f'<text x="{left:g}" y="{height - 8:g}" font-size="12">0</text>'
-        f'<text x="{width - 10:g}" y="{height - 8:g}" font-size="12" text-anchor="end">'
+        f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}" role="img" font-size="12" '
+        'fill="currentColor" style="max-width: 100%" '
+        f'aria-label="Profile: heights over the length in {text(unit)}">'
+        f'<polygon points="{band}" fill="var(--accent)" fill-opacity="0.2"/>'
+        f'<polyline points="{line}" fill="none" stroke="var(--accent)" stroke-width="1.5"/>'
+        f'<text x="4" y="18">{text(number(top))}</text>'
+        f'<text x="4" y="{height - low:g}">{text(number(bottom))}</text>'
+        f'<text x="{left:g}" y="{height - 8:g}">0</text>'
+        f'<text x="{width - 10:g}" y="{height - 8:g}" text-anchor="end">'
         f"{text(number(x[-1]))} {text(unit)}</text></svg>"
     )

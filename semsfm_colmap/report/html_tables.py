@@ -112,7 +112,7 @@ def images_table(m: Metrics) -> str:
         name = image.name if image.pose is not None else f"{image.name} (not registered)"
         cells = (str(image.frame), name, *_pose_cells(image.pose), *matches)
         rows.append(Row(cells=cells, absent=image.pose is None))
-    return table(IMAGE_HEADERS, rows, text_columns=(1,))
+    return table(IMAGE_HEADERS, rows, text_columns=(1,), label="All images")
 
 
 def _pose_cells(pose: PoseMetrics | None) -> tuple[str, ...]:
@@ -161,7 +161,8 @@ def pairs_table(m: Metrics, max_rows: int) -> str:
         "image", "image", "matches", "static", "after RANSAC", "after distance filter",
         "rejected because",
     )  # fmt: skip
-    body += "<h3>Pairs rejected as a whole</h3>" + table(headers, rows, text_columns=(0, 1, 6))
+    title = "Pairs rejected as a whole"
+    body += f"<h3>{title}</h3>" + table(headers, rows, text_columns=(0, 1, 6), label=title)
     if len(rejected) > max_rows:
         body += hint(f"{len(rejected) - max_rows} more rejected pairs are listed in metrics.json.")
     return body
@@ -181,7 +182,7 @@ def rounds_table(m: Metrics) -> str:
     if not rows:
         return hint("No filtering rounds were given.")
     headers = ("round", "threshold px", "observations kept", "dropped", "share")
-    return table(headers, rows, text_columns=(), narrow=True)
+    return table(headers, rows, text_columns=(), narrow=True, label="Rounds of filtering")
 
 
 def guided_table(m: Metrics) -> str:
@@ -201,7 +202,8 @@ def guided_table(m: Metrics) -> str:
         f"finer than {g.high_pass_px:g} px, in pass {g.num_passes}. Drift within the frames "
         f"was taken out: up to {g.largest_drift_px:.2f} px from the first row to the last.</p>"
     )
-    return text + table(("", "matched", "guided"), rows, text_columns=(0,), narrow=True)
+    headers = ("of the tracks", "matched", "guided")
+    return text + table(headers, rows, text_columns=(0,), narrow=True, label="Guided pass")
 
 
 def run_tables(m: Metrics) -> str:
@@ -210,10 +212,10 @@ def run_tables(m: Metrics) -> str:
     body = ""
     if stages:
         headers = ("stage", "seconds", "peak memory MB")
-        body += table(headers, stages, text_columns=(0,), narrow=True)
+        body += table(headers, stages, text_columns=(0,), narrow=True, label="Stages")
     if m.versions:
         rows = [Row(cells=(name, version)) for name, version in m.versions.items()]
         body += "<h3>Versions</h3>" + table(
-            ("package", "version"), rows, text_columns=(0, 1), narrow=True
+            ("package", "version"), rows, text_columns=(0, 1), narrow=True, label="Versions"
         )
     return body or hint("No run record was given.")

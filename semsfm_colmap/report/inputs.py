@@ -17,6 +17,8 @@ from semsfm_colmap.records import (
     SurfaceHalves,
     TiltAgreement,
 )
+from semsfm_colmap.report.feature_study import FeatureStudy
+from semsfm_colmap.report.images.evidence import SeriesEvidence
 from semsfm_colmap.types import Array, Int, PointCloud, Reconstruction, SemSeries, TriangleMesh
 
 
@@ -77,6 +79,10 @@ class ReportInputs:
     cloud: PointCloud | None = None
     surface_halves: SurfaceHalves | None = None
     """Two surfaces from disjoint halves of the frames compared, where that was asked for."""
+    evidence: SeriesEvidence | None = None
+    """Pixels, keypoints, matches and depth maps, for the panels of the images."""
+    feature_study: FeatureStudy | None = None
+    """Detectors and descriptors compared on the images, where that was done."""
     versions: Mapping[str, str] = field(default_factory=dict)
     viewer: ViewerInputs = field(default_factory=ViewerInputs)
     title: str = "SEM reconstruction"

@@ -13,11 +13,13 @@ from semsfm_colmap.errors import UsageError
 from semsfm_colmap.io.atomic import file_aside, folder_aside
 from semsfm_colmap.report.figures import DrawnFigure, draw_figures
 from semsfm_colmap.report.html import render_page
+from semsfm_colmap.report.images.panels import build_panels
 from semsfm_colmap.report.inputs import ReportInputs
 from semsfm_colmap.report.json_text import to_json
 from semsfm_colmap.report.metrics import Metrics, compute_metrics
 from semsfm_colmap.report.metrics_json import metrics_json
 from semsfm_colmap.report.options import ReportOptions
+from semsfm_colmap.types import ParallelMap
 
 PAGE, METRICS, FIGURES = "report.html", "metrics.json", "figures"
 
@@ -33,16 +35,22 @@ def write_report(
     report_path: Path,
     options: ReportOptions | None = None,
     *,
+    parallel_map: ParallelMap = map,
     progress: Callable[[int, int], None] | None = None,
 ) -> Metrics:
     """Compute the metrics, draw the figures and the page, and put them into `report_path`.
 
-    `progress` is called with the number of figures drawn and their total. Returns the metrics;
-    raises UsageError when the folder cannot be written.
+    Parameters
+    ----------
+    parallel_map : for the pictures of the images
+    progress : called with the number of figures drawn and their total
+
+    Returns the metrics; raises UsageError when the folder cannot be written.
     """
     metrics = compute_metrics(inputs)
     figures = draw_figures(inputs, metrics, options, progress)
-    page = render_page(inputs, metrics, figures, options)
+    panels = build_panels(inputs, inputs.reconstruction.residuals(), parallel_map=parallel_map)
+    page = render_page(inputs, metrics, figures, options, panels)
     try:
         with (
             file_aside(report_path / PAGE) as page_aside,

@@ -9,7 +9,9 @@ from semsfm_colmap.matching.ransac import (
     hyperplanes_from_samples,
     log_false_alarms,
 )
+from semsfm_colmap.matching.statistics import pair_statistics
 from semsfm_colmap.matching.verify import verify_pair
+from semsfm_colmap.records import MATCH_STEPS
 from semsfm_colmap.synthetic.tracks import simulate_tracks
 
 
@@ -145,3 +147,29 @@ def test_verification_counts_what_each_filter_took_and_does_not_depend_on_the_or
     empty = verify_pair((0, 1), xy1, xy2, np.zeros((0, 2), dtype=np.int64), MatchingOptions(), 7)
     assert empty.F is None
     assert "0 matches" in (empty.failure or "")
+
+
+def test_the_step_of_each_match_adds_up_to_the_counts_of_the_pair():
+    xy1, xy2, wrong = matches(400, 0.3)
+    xy1, xy2 = np.vstack([xy1, np.full((60, 2), 50.0)]), np.vstack([xy2, np.full((60, 2), 50.0)])
+    rows = np.column_stack([np.arange(460)] * 2)
+    found = verify_pair((0, 1), xy1, xy2, rows, MatchingOptions(), 0)
+    assert found.step is not None
+    counts = np.bincount(found.step, minlength=len(MATCH_STEPS))
+    statistics = pair_statistics([found], ("a", "b"))[0]
+    assert counts[0] == statistics.num_static_rejected == 60
+    assert counts[2:].sum() == statistics.num_after_affine_ransac
+    assert counts[3] == statistics.num_after_distance_filter == found.inlier.sum()
+    assert set(found.step[400:]) == {0}
+    assert np.mean(found.step[:400][wrong] == 1) > 0.9
+    np.testing.assert_array_equal(found.inlier, found.step == len(MATCH_STEPS) - 1)
+
+
+def test_matches_of_a_pair_without_geometry_were_dropped_by_ransac():
+    rng = np.random.default_rng(0)
+    xy1, xy2 = rng.uniform(0.0, 900.0, (2, 30, 2))
+    rows = np.column_stack([np.arange(30)] * 2)
+    found = verify_pair((0, 1), xy1, xy2, rows, MatchingOptions(), 0)
+    assert found.failure is not None
+    assert found.step is not None
+    assert set(found.step) == {1}

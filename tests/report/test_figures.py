@@ -5,32 +5,44 @@ import pytest
 
 from semsfm_colmap.report.figure_style import gather
 from semsfm_colmap.report.figures import FIGURES, draw_figures
+from semsfm_colmap.report.figures_images import (
+    detected_regions,
+    filtered_matches,
+    trajectories,
+)
+from semsfm_colmap.report.figures_structure import meshed_surface, textured_structure
 from semsfm_colmap.report.figures_visibility import visibility_raster
 from semsfm_colmap.report.inputs import StageUsage
 from semsfm_colmap.report.metrics import compute_metrics
 from semsfm_colmap.report.options import ReportOptions
 from semsfm_colmap.types import PointCloud
+from tests.report.images.evidence import make_evidence, numbered
 from tests.report.series import (
     chain_of_pairs,
     empty_reconstruction,
     make_inputs,
     make_reconstruction,
 )
+from tests.report.series import sphere
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def inputs_of(num_images, **changes):
-    rec = make_reconstruction(
-        np.arange(num_images) * 360.0 / max(num_images, 40),
-        num_points=10 * num_images,
-        sigma_rotation_rad=np.full((num_images, 3), 1e-3),
-        sigma_scale=np.full(num_images, 1e-4),
-        **changes,
+    rec = numbered(
+        make_reconstruction(
+            np.arange(num_images) * 360.0 / max(num_images, 40),
+            num_points=10 * num_images,
+            sigma_rotation_rad=np.full((num_images, 3), 1e-3),
+            sigma_scale=np.full(num_images, 1e-4),
+            **changes,
+        )
     )
     return make_inputs(
         rec,
         pairs=chain_of_pairs(rec.image_names),
+        evidence=make_evidence(rec),
+        mesh=sphere(30),
         cloud=PointCloud(
             points=rec.points,
             normals=rec.points / np.linalg.norm(rec.points, axis=1, keepdims=True),
@@ -118,3 +130,35 @@ def test_the_visibility_raster_of_many_tracks_keeps_every_observation():
     assert raster.shape == (50, 777)
     per_column = np.bincount(np.arange(num_tracks) * 777 // num_tracks)
     assert (raster * per_column).sum() == pytest.approx(2 * num_tracks)
+
+
+def test_figures_of_the_images_say_why_they_are_not_there():
+    rec = numbered(make_reconstruction(np.arange(4) * 6.0))
+    nothing = gather(inputs := make_inputs(rec), compute_metrics(inputs))
+    for draw in (detected_regions, filtered_matches, trajectories):
+        assert draw(nothing) == "the images are not at hand"
+    for draw in (textured_structure, meshed_surface):
+        assert draw(nothing) == "there is no mesh"
+    bare = make_inputs(rec, evidence=replace(make_evidence(rec), images={}, pairs=()))
+    pixels_alone = gather(bare, compute_metrics(bare))
+    assert detected_regions(pixels_alone) == "no keypoints are known"
+    assert filtered_matches(pixels_alone) == "no matches are known"
+    assert not isinstance(trajectories(pixels_alone), str)
+
+
+def test_the_matches_figure_has_a_panel_for_each_filter_that_is_known():
+    rec = numbered(make_reconstruction(np.arange(4) * 6.0))
+    evidence = make_evidence(rec)
+    known = gather(inputs := make_inputs(rec, evidence=evidence), compute_metrics(inputs))
+    titles = [axes.get_title(loc="left") for axes in filtered_matches(known).axes]
+    num = len(evidence.pairs[1].matches)
+    assert titles == [
+        f"found: {num}", f"after static background: {num}", f"after affine RANSAC: {num}",
+        f"after distance filter: {num}",
+    ]  # fmt: skip
+    pairs = tuple(replace(pair, steps_known=False) for pair in evidence.pairs)
+    unknown = make_inputs(rec, evidence=replace(evidence, pairs=pairs))
+    figure = filtered_matches(gather(unknown, compute_metrics(unknown)))
+    assert [axes.get_title(loc="left") for axes in figure.axes] == [
+        f"found: {num}", f"verified: {num}",
+    ]  # fmt: skip

@@ -193,6 +193,7 @@ def copy_matches(
     reporter: Reporter,
 ) -> MatchRecord:
     """Raw matches as they are, and two-view geometries from their affine verification."""
+    from semsfm_colmap.colmap.database.match_steps import stored_steps, write_match_steps
     from semsfm_colmap.colmap.database.two_view import stored_geometry
     from semsfm_colmap.colmap.database.work import write_matches, write_two_view_geometries
     from semsfm_colmap.matching.statistics import pair_statistics
@@ -200,6 +201,7 @@ def copy_matches(
     ids = range(1, len(source_ids) + 1)
     raw, verified = {}, {}
     statistics: list[PairStatistics] = []
+    steps: list[tuple[tuple[int, int], Array]] = []
     executor = ThreadExecutor(config.num_threads)
     for geometry in verify_database(reader, source_ids, usable_xy, config, reporter, executor):
         i, j = geometry.image_pair
@@ -207,11 +209,13 @@ def copy_matches(
         pair, stored = stored_geometry(geometry, ids)
         verified[pair] = stored
         statistics += pair_statistics([geometry], series.names)
+        steps += stored_steps([geometry], ids)
         if len(raw) == PAIRS_IN_MEMORY:
             write_matches(target, raw)
             raw.clear()
     write_matches(target, raw)
     write_two_view_geometries(target, verified)
+    write_match_steps(target, steps)
     return MatchRecord(
         num_pairs=len(statistics),
         num_verified_pairs=sum(F is not None for F, _ in verified.values()),

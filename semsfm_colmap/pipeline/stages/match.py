@@ -94,6 +94,7 @@ def verify_pairs(
     on: StageRun, names: Sequence[str], ids: Sequence[int], pairs: Sequence[tuple[int, int]]
 ) -> MatchRecord:
     """Affine two-view geometries of the stored matches, into the database."""
+    from semsfm_colmap.colmap.database.match_steps import stored_steps, write_match_steps
     from semsfm_colmap.colmap.database.two_view import stored_geometry
     from semsfm_colmap.colmap.database.work import (
         read_keypoints,
@@ -121,6 +122,7 @@ def verify_pairs(
     write_two_view_geometries(
         on.project.database, dict(stored_geometry(g, ids) for g in geometries)
     )
+    write_match_steps(on.project.database, stored_steps(geometries, ids))
     verified = [g for g in geometries if g.F is not None]
     on.reporter.say(
         f"matching: {len(verified)} of {len(pairs)} pairs verified, "
