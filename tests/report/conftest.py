@@ -8,8 +8,7 @@ import pytest
 from semsfm_colmap.report.options import ReportOptions
 from semsfm_colmap.report.write import write_report
 from tests.report.images.evidence import make_evidence, numbered
-from tests.report.series import full_inputs, make_inputs, make_reconstruction
-from tests.report.series import sphere
+from tests.report.series import full_inputs, make_inputs, make_reconstruction, sphere
 
 
 @pytest.fixture(scope="session")

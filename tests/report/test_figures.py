@@ -22,8 +22,8 @@ from tests.report.series import (
     empty_reconstruction,
     make_inputs,
     make_reconstruction,
+    sphere,
 )
-from tests.report.series import sphere
 
 PNG = b"\x89PNG\r\n\x1a\n"
 

@@ -15,8 +15,7 @@ from semsfm_colmap.report.images.panels import build_panels
 from semsfm_colmap.report.images.pictures import width_within
 from semsfm_colmap.types import OrthographicCameras, TriangleMesh
 from tests.report.images.evidence import make_evidence, numbered
-from tests.report.series import SIZE_PX, cube, make_inputs, make_reconstruction
-from tests.report.series import sphere
+from tests.report.series import SIZE_PX, cube, make_inputs, make_reconstruction, sphere
 
 
 @pytest.fixture(scope="module")
