@@ -7,7 +7,7 @@ import re
 
 from tests.docs.blocks import ROOT
 
-SOURCE = ROOT / "semsfm_colmap/report/doubts.py"
+SOURCES = sorted(ROOT.glob("semsfm_colmap/report/doubts*.py"))
 PAGE = ROOT / "docs/tutorial/doubts.md"
 
 
@@ -18,10 +18,10 @@ def words(text: str) -> set[str]:
 
 def doubts() -> list[set[str]]:
     """The words of the sentence of each doubt."""
-    tree = ast.parse(SOURCE.read_text(encoding="utf-8"))
     calls = [
         node
-        for node in ast.walk(tree)
+        for source in SOURCES
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Name)
         and node.func.id == "Doubt"
