@@ -17,7 +17,7 @@ def words(text: str) -> set[str]:
 
 
 def doubts() -> list[set[str]]:
-    """The words of the sentence of each doubt."""
+    """The words of each doubt: of its sentence, and of its title where it has one."""
     calls = [
         node
         for source in SOURCES
@@ -26,14 +26,17 @@ def doubts() -> list[set[str]]:
         and isinstance(node.func, ast.Name)
         and node.func.id == "Doubt"
     ]
-    sentences = [next(k.value for k in call.keywords if k.arg == "sentence") for call in calls]
+    said = [[k.value for k in call.keywords if k.arg in ("title", "sentence")] for call in calls]
     return [
         words(
             " ".join(
-                str(node.value) for node in ast.walk(sentence) if isinstance(node, ast.Constant)
+                str(node.value)
+                for part in parts
+                for node in ast.walk(part)
+                if isinstance(node, ast.Constant)
             )
         )
-        for sentence in sentences
+        for parts in said
     ]
 
 
