@@ -7,7 +7,7 @@ import re
 
 from tests.docs.blocks import ROOT
 
-SOURCE = ROOT / "semsfm_colmap/report/doubts.py"
+SOURCES = sorted(ROOT.glob("semsfm_colmap/report/doubts*.py"))
 PAGE = ROOT / "docs/tutorial/doubts.md"
 
 
@@ -17,23 +17,26 @@ def words(text: str) -> set[str]:
 
 
 def doubts() -> list[set[str]]:
-    """The words of the sentence of each doubt."""
-    tree = ast.parse(SOURCE.read_text(encoding="utf-8"))
+    """The words of each doubt: of its sentence, and of its title where it has one."""
     calls = [
         node
-        for node in ast.walk(tree)
+        for source in SOURCES
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Name)
         and node.func.id == "Doubt"
     ]
-    sentences = [next(k.value for k in call.keywords if k.arg == "sentence") for call in calls]
+    said = [[k.value for k in call.keywords if k.arg in ("title", "sentence")] for call in calls]
     return [
         words(
             " ".join(
-                str(node.value) for node in ast.walk(sentence) if isinstance(node, ast.Constant)
+                str(node.value)
+                for part in parts
+                for node in ast.walk(part)
+                if isinstance(node, ast.Constant)
             )
         )
-        for sentence in sentences
+        for parts in said
     ]
 
 
