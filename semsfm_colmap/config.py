@@ -89,6 +89,19 @@ def preset(quality: Quality) -> Config:
 
     ``Config.quality`` is what they started from; set by itself it changes nothing.
 
+    Parameters
+    ----------
+    quality : low, medium, high (the defaults) or extreme; docs/quality.md has times and errors
+
+    Returns
+    -------
+    the whole configuration
+
+    Raises
+    ------
+    UsageError
+        There is no such quality.
+
     Examples
     --------
     >>> preset("low").features.first_octave, preset("high") == Config()
@@ -184,12 +197,9 @@ def read_config(
 
     Parameters
     ----------
+    path : the file; docs/files.md lists what PROJECT/semsfm.toml holds
     quality : in place of the file's; what the file says beyond its own stands above it
     resolved : the file is a project's, in which all options stand
-
-    Parameters
-    ----------
-    path : the file; docs/files.md lists what PROJECT/semsfm.toml holds
 
     Returns
     -------

@@ -55,6 +55,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("measure project --points a.tif:120,80 a.tif:300,95", "a distance with its sigma"),
         ("measure project", "what measurements.toml asks for"),
     ),
+    "view": (
+        ("view project", "also while it is made"),
+        ("view project --no_browser", "prints the address only"),
+    ),
     "goniometer": (("goniometer project --displacement table.csv", ""),),
     "heightmap": (("heightmap project --to x3p,tif", "with ISO 25178 parameters"),),
     "compare": (("compare before after --output_path wear", ""),),

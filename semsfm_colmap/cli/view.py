@@ -24,8 +24,8 @@ class Arguments:
 
     project_path: tyro.conf.Positional[Path]
     """The project folder."""
-    no_browser: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Print the address and open no browser."""
+    browser: bool = True
+    """Open a browser at the address; without, it is only printed."""
     options: Annotated[MetrologyOptions, tyro.conf.arg(name="")] = field(
         default_factory=MetrologyOptions
     )
@@ -43,6 +43,6 @@ def main(arguments: Sequence[str]) -> None:
     view(
         parsed.project_path,
         options=parsed.options,
-        open_browser=not parsed.no_browser,
+        open_browser=parsed.browser,
         say=say,
     )

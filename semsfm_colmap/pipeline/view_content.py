@@ -117,6 +117,7 @@ class ProjectView:
             )
         with self._lock:
             specimen = self._read_specimen()
+            specimen.check_one_world()
             found, _ = measure(
                 specimen, self._read_errors(specimen), Requests(measurements=tuple(asked))
             )
@@ -132,7 +133,9 @@ class ProjectView:
         remark, specimen = "", None
         try:
             specimen = self._read_specimen()
+            specimen.check_one_world()
         except InputError as error:
+            specimen = None
             remark = f"the surface is not shown: {error}"
         inputs = self._inputs(specimen)
         viewer = viewer_inputs(self.project, specimen)

@@ -61,6 +61,7 @@ def test_every_command_has_examples_and_a_help_of_one_or_two_screens(name, capsy
 @pytest.mark.parametrize("name", NAMES)
 def test_examples_and_first_options_are_of_flags_that_exist(name):
     known = {flag.name for flag in flags(name)} | {"--depth_sign", "--segment", "--example"}
+    known |= {negated(flag) for flag in flags(name) if flag.is_switch}
     known |= {"--database_path", "--colmap_path", "--image_path", "--output_path"}
     for text, _ in EXAMPLES[name]:
         if not text.startswith("eval"):

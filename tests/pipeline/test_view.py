@@ -192,6 +192,10 @@ def test_a_surface_of_another_model_is_left_out_with_the_reason(small_project, t
         assert status == 200
         assert "another model" in headers["X-Remark"]
         assert "mesh" not in [layer["name"] for layer in unpack(body)[0]["layers"]]
+        status, _, body = ask("measure?vertices=5,900")
+        assert status == 409
+        assert "another model" in json.loads(body)["error"]
+        assert ask("image?number=0")[0] == 200
 
 
 def test_ctrl_c_ends_it_and_frees_the_port(project, monkeypatch):
