@@ -72,6 +72,7 @@ def following(project: Project, stages: Sequence[str]) -> list[str]:
     if "report" in stages:
         return [
             f"open {shlex.quote(str(project.report / 'report.html'))} in a browser",
+            f"semsfm view {path} (3-D, sections, lengths)",
             "semsfm measure --help (lengths, areas and volumes with error bars)",
         ]
     after = ["report"] if "mesh" in stages else ["densify", "mesh", "report"]

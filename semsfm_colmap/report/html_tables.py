@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from semsfm_colmap.report.html_parts import Row, definitions, hint, table
 from semsfm_colmap.report.image_statistics import PoseMetrics
 from semsfm_colmap.report.metrics import Metrics
-from semsfm_colmap.report.number_text import fixed, number, percent, unit_text
+from semsfm_colmap.report.number_text import confidence, fixed, number, percent, unit_text
 
 
 def _with_nm(px: float | None, nm: float | None) -> str:
@@ -58,7 +58,7 @@ def _motion_rows(m: Metrics) -> Iterator[tuple[str, str]]:
         yield "rotation axis in the camera", f"({axis})"
         rms, most = fixed(rotation.wobble_rms_deg, 2), fixed(rotation.wobble_max_deg, 2)
         yield "wobble", f"{rms}° rms, {most}° at most"
-    yield "depth sign", f"{sign.status}, {percent(sign.confidence)}"
+    yield "depth sign", f"{sign.status}, {confidence(sign.confidence)}"
 
 
 def _surface_rows(m: Metrics) -> Iterator[tuple[str, str]]:

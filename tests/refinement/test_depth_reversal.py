@@ -15,6 +15,7 @@ from semsfm_colmap.refinement.depth_reversal import (
     visibility_cues,
 )
 from semsfm_colmap.refinement.depth_reversal.cue import cue_from_t, region_t
+from semsfm_colmap.refinement.depth_reversal.decision import told
 from semsfm_colmap.synthetic.occluded_tracks import (
     OccludedTracksOptions,
     noise_scene,
@@ -258,7 +259,7 @@ def test_evidence_is_told_for_the_hand_that_was_chosen():
     sign, reverse = decide_depth_sign(cues, 0.95)
     assert reverse
     assert sign.evidence["covered steps"] == pytest.approx(1.0 - cues["covered steps"].probability)
-    assert "covered steps 0.953" in sign.message
+    assert "covered steps 0.95" in sign.message
 
 
 def test_a_known_tilt_is_named_in_the_message():
@@ -278,6 +279,14 @@ def test_the_users_word_stands_above_the_evidence_which_is_kept(reverse):
     turned, other = apply_user_word(sign, reverse, "reversed")
     assert other is not reverse
     assert turned.evidence["bulge"] == pytest.approx(0.03)
-    assert "against evidence of confidence 0.970" in turned.message
+    assert "against evidence of confidence 0.97" in turned.message
     with pytest.raises(UsageError, match="auto, as_is or reversed"):
         apply_user_word(sign, reverse, "left")
+
+
+@pytest.mark.parametrize(
+    ("probability", "text"),
+    [(0.5, "0.50"), (0.961, "0.96"), (0.9997, "above 0.99"), (0.0003, "below 0.01")],
+)
+def test_probabilities_are_told_as_finely_as_they_are_calibrated(probability, text):
+    assert told(probability) == text

@@ -128,7 +128,7 @@ def test_the_evidence_of_the_hand_is_said_once_and_a_users_word_beside_it():
         status="resolved",
         confidence=0.97,
         evidence={"near side": 0.97},
-        message="the hand is decided by visibility with confidence 0.970 (near side 0.970)",
+        message="the hand is decided by visibility with confidence 0.97 (near side 0.97)",
     )
     fact = next(
         fact

@@ -22,11 +22,22 @@ DepthSignWord = Literal["auto", "as_is", "reversed"]
 """auto: the evidence decides, and both models are written where it does not; as_is: the user has
 looked and the model that auto puts first is right; reversed: it is the other one."""
 
+MOST_TOLD = 0.99
+
 
 def reverse_depth(cameras: OrthographicCameras, points: Float) -> tuple[OrthographicCameras, Float]:
     """The twin with the same images: ``R -> D R D``, ``X -> D X``."""
     twin = replace(cameras, cam_from_world=depth_reversed(np.asarray(cameras.cam_from_world)))
     return twin, points * np.array([1.0, 1.0, -1.0])
+
+
+def told(probability: float) -> str:
+    """As finely as it is calibrated: two digits, and no certainty (docs/depth_reversal.md)."""
+    if probability > MOST_TOLD:
+        return f"above {MOST_TOLD}"
+    if probability < 1.0 - MOST_TOLD:
+        return f"below {1.0 - MOST_TOLD:.2f}"
+    return f"{probability:.2f}"
 
 
 def fused_logit(logits: Mapping[str, float]) -> float:
@@ -58,14 +69,14 @@ def decide_depth_sign(cues: Mapping[str, Cue], min_confidence: float) -> tuple[D
         name: (1.0 - c.probability if reverse else c.probability) for name, c in cues.items()
     }
     resolved = confidence >= min_confidence
-    detail = ", ".join(f"{name} {p:.3f}" for name, p in evidence.items()) or "no evidence"
+    detail = ", ".join(f"{name} {told(p)}" for name, p in evidence.items()) or "no evidence"
     known = "known tilt" in cues and cues["known tilt"].probability != 0.5
     what = "visibility and the known tilt" if known else "visibility"
     if resolved:
-        message = f"the hand is decided by {what} with confidence {confidence:.3f} ({detail})"
+        message = f"the hand is decided by {what} with confidence {told(confidence)} ({detail})"
     else:
         message = (
-            f"{what} does not decide the hand (confidence {confidence:.3f}: {detail}); both "
+            f"{what} does not decide the hand (confidence {told(confidence)}: {detail}); both "
             "models are written; "
             + ("your word" if known else "a known direction of the tilt, or your word,")
             + " would settle it"
@@ -95,7 +106,7 @@ def apply_user_word(sign: DepthSign, reverse: bool, word: DepthSignWord) -> tupl
     evidence = {name: 1.0 - p if turned else p for name, p in sign.evidence.items()}
     message = "the hand was given by the user"
     if turned and sign.status == "resolved":
-        message += f", against evidence of confidence {sign.confidence:.3f} for the other one"
+        message += f", against evidence of confidence {told(sign.confidence)} for the other one"
     return (
         DepthSign(
             status="resolved",

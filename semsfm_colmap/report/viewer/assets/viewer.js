@@ -114,7 +114,9 @@
     });
     for (const [key, label, there] of [["frames", "cameras", header.frames], ["axis", "rotation axis", header.axis]]) {
       if (!there) { continue; }
-      drawing[key].visible = shown[key] ?? true;
+      // in front of a surface the frames hide it: they are switched on by who wants them
+      const hides = key === "frames" && drawing.layers.some((layer) => layer.kind === "mesh");
+      drawing[key].visible = shown[key] ?? !hides;
       boxes.push(check(label, drawing[key].visible, (on) => { shown[key] = drawing[key].visible = on; }));
     }
     part("layers").replaceChildren(...boxes);
