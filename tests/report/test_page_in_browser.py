@@ -3,50 +3,18 @@
 import pytest
 
 from tests.browser import FLAGS, chromium, opened
+from tests.report.soundness import SETTLE_MS, WIDER, check_sound, own_complaints, violations
 
 pytestmark = pytest.mark.slow
 
 WIDTHS = (1400, 900, 400)
-SETTLE_MS = 600
-SERIOUS = {"serious", "critical"}
-WIDER = """() => {
-  const scrolls = ".table, .view, .strip, .skip, .scene";
-  return Array.from(document.querySelectorAll("body *"))
-    .filter((e) => !e.closest(scrolls) || e.matches(scrolls) && !e.matches(".skip"))
-    .filter((e) => e.getBoundingClientRect().right > innerWidth + 1)
-    .map((e) => e.tagName + "#" + e.id + "." + e.className);
-}"""
-
-
-def own_complaints(watched):
-    return [c for c in watched.complaints if "willReadFrequently" not in c]
-
-
-def violations(page):
-    from axe_playwright_python.sync_playwright import Axe
-
-    found = Axe().run(page).response["violations"]
-    return [
-        (v["id"], [node["html"][:120] for node in v["nodes"][:3]])
-        for v in found
-        if v["impact"] in SERIOUS
-    ]
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("width", WIDTHS)
 def test_the_page_is_sound_on_every_screen(full_page, width, dark):
     with opened(full_page, width=width, height=900, dark=dark) as watched:
-        page = watched.page
-        page.wait_for_timeout(SETTLE_MS)
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        assert page.evaluate(WIDER) == []
-        assert violations(page) == []
-        assert own_complaints(watched) == []
-        assert watched.requests == [full_page]
-        ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
-        brightness = sum(int(v) for v in ground.strip("rgb()").split(","))
-        assert (brightness < 200) == dark
+        check_sound(watched, full_page, width=width, dark=dark)
 
 
 def test_without_scripts_images_figures_and_tables_are_there(full_page):

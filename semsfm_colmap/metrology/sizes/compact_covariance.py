@@ -9,7 +9,7 @@ m_k^T``, a value with gradients g_a by its places has
 
 where ``q_ik = J_i m_k`` is how mode k moves the image of the place. It is a polynomial in X and the
 normal n: affine in X for rotations, shifts, magnifications and drift, quadratic in n for the drag,
-which counts where n faces the image. So the page needs A_i, the coefficients of q_ik, and which
+which is nothing where n is turned away from the image. So the page needs A_i, the coefficients of q_ik, and which
 images see each vertex.
 
 The modes are chosen for differences of places, which is all that is measured. With D (P, n) the
@@ -131,43 +131,60 @@ def monomials(points: Float, normals: Float, exponents: Int, center: Float, radi
     return np.asarray(np.prod(at[:, None] ** exponents[None], axis=2))
 
 
-def _bases() -> list[Int]:
-    """Monomials to try: affine in X with n up to the 2nd degree, then up to the 4th."""
-    out = []
-    for degree in (2, 4):
-        of_normal = [
-            (a, b, c)
-            for a in range(degree + 1)
-            for b in range(degree + 1 - a)
-            for c in range(2)  # z^2 = 1 - x^2 - y^2
-            if 0 < a + b + c <= degree
-        ]
-        rows = [(*e, 0, 0, 0) for e in AFFINE_IN_PLACE] + [(0, 0, 0, *e) for e in of_normal]
-        out.append(np.array(rows, dtype=np.int64))
-    return out
+def _of_normal(degree: int) -> Int:
+    """Monomials (B, 6) of unit normals that span the polynomials of a degree, constants included.
+
+    Of ``x^2 + y^2 + z^2 = 1`` higher powers of z follow; z^2 itself stands for the constant.
+    """
+    powers = [
+        (a, b, c)
+        for a in range(degree + 1)
+        for b in range(degree + 1 - a)
+        for c in range(2)
+        if 0 < a + b + c <= degree
+    ]
+    return np.array([(0, 0, 0, *e) for e in (*powers, (0, 0, 2))], dtype=np.int64)
 
 
 def _polynomials(
     cameras: ParameterCovariance, points: Float, normals: Float, center: Float, radius: float
 ) -> tuple[Int | None, Float | None]:
-    """Exponents (B, 6) and coefficients (M, 2, B, p) of the derivatives of each image."""
+    """Exponents (B, 6) and coefficients (M, 2, B, p) of the derivatives of each image.
+
+    What a place turned away has is affine in X; what the normal of one that faces the image adds is
+    a polynomial of the normal, of the 2nd degree for the drag, else tried up to the 4th.
+    """
     some = np.linspace(0, len(points) - 1, min(NUM_SAMPLES, len(points))).astype(np.int64)
     X = points[some]
-    # of a normal that is turned away the drag is nothing: the polynomials are for the others
-    facing = [toward(n_i, normals[some]) for n_i in viewing_directions(cameras.projection)]
-    J = [cameras.image_derivatives(X, n, i) for i, n in enumerate(facing)]
-    size = max(float(np.abs(one).max()) for one in J) or 1.0
-    for exponents in _bases():
-        found = []
-        for one, n in zip(J, facing, strict=True):
-            basis = monomials(X, n, exponents, center, radius)
-            right = one.reshape(len(X), -1)
-            fitted = np.linalg.lstsq(basis, right, rcond=1e-10)[0]
-            if np.abs(basis @ fitted - right).max() > MAX_MISFIT * size:
-                break
-            found.append(fitted.reshape(len(exponents), *one.shape[1:]).transpose(1, 0, 2))
-        else:
-            return exponents, np.stack(found)
+    of_place = np.array([(*e, 0, 0, 0) for e in AFFINE_IN_PLACE], dtype=np.int64)
+    facing = [toward(v, normals[some]) for v in viewing_directions(cameras.projection)]
+    away = [cameras.image_derivatives(X, -n, i) for i, n in enumerate(facing)]
+    added = [cameras.image_derivatives(X, n, i) - away[i] for i, n in enumerate(facing)]
+    size = max(float(np.abs(one).max()) for one in (*away, *added)) or 1.0
+
+    def fitted(basis: Float, values: Float) -> Float | None:
+        """(2, B, p)"""
+        right = values.reshape(len(X), -1)
+        found = np.linalg.lstsq(basis, right, rcond=1e-10)[0]
+        if np.abs(basis @ found - right).max() > MAX_MISFIT * size:
+            return None
+        return np.asarray(found.reshape(-1, *values.shape[1:]).transpose(1, 0, 2))
+
+    affine = monomials(X, normals[some], of_place, center, radius)
+    base = [fitted(affine, one) for one in away]
+    for degree in (2, 4):
+        of_normal = _of_normal(degree)
+        more = [
+            fitted(monomials(X, n, of_normal, center, radius), one)
+            for one, n in zip(added, facing, strict=True)
+        ]
+        both = [
+            np.concatenate([one, other], axis=1)
+            for one, other in zip(base, more, strict=True)
+            if one is not None and other is not None
+        ]
+        if len(both) == len(base):
+            return np.concatenate([of_place, of_normal]), np.stack(both)
     return None, None
 
 

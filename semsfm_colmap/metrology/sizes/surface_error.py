@@ -118,7 +118,10 @@ class SurfaceError:
         return total
 
     def _slow(self, points: Float, a: Float) -> float:
-        """``sum_kl a_k a_l exp(-d / L)`` over cells so small that it hardly changes in one."""
+        """``sum_kl a_k a_l exp(-d / L)``, of many places over cells in which it hardly changes."""
+        if len(points) <= SLOW_BATCH:
+            apart = np.linalg.norm(points[:, None] - points[None], axis=2)
+            return float(a @ np.exp(-apart / (SLOW_WINDOWS * self.window)) @ a)
         cell = np.floor((points - points.min(axis=0)) / (SLOW_CELL * self.window)).astype(np.int64)
         _, number = np.unique(cell, axis=0, return_inverse=True)
         number = number.reshape(-1)
