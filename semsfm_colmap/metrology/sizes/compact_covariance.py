@@ -9,8 +9,8 @@ m_k^T``, a value with gradients g_a by its places has
 
 where ``q_ik = J_i m_k`` is how mode k moves the image of the place. It is a polynomial in X and the
 normal n: affine in X for rotations, shifts, magnifications and drift, quadratic in n for the drag,
-which is nothing where n is turned away from the image. So the page needs A_i, the coefficients of q_ik, and which
-images see each vertex.
+which is nothing where n is turned away from the image. So the page needs A_i, the coefficients of
+q_ik, and which images see each vertex.
 
 The modes are chosen for differences of places, which is all that is measured. With D (P, n) the
 directions of lengths between P pairs of places, each scaled to unit variance, ``K = D S D^T = Q L
