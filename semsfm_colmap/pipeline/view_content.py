@@ -164,9 +164,7 @@ class ProjectView:
         stamp = self.stamp()
         if self._specimen is None or self._specimen[0] != stamp:
             try:
-                specimen = read_specimen(self.project)
-                specimen.check_one_world()
-                self._specimen = (stamp, specimen)
+                self._specimen = (stamp, read_specimen(self.project))
             except SemSfmError:
                 raise
             except (OSError, ValueError) as error:

@@ -123,12 +123,12 @@ def test_a_part_is_meshed_alone(project):
     stalk = select_part(cloud, project / "segments", "stalk").points
     spacing = sampling_distance(cloud.points)
 
-    def farthest(surface):
-        return cKDTree(surface.vertices).query(stalk)[0].max()
+    def far(surface):
+        return np.quantile(cKDTree(surface.vertices).query(stalk)[0], 0.99)
 
     # the end of the stalk was in the mesh, and is far from what is left
-    assert farthest(before) < 4 * spacing
-    assert farthest(mesh) > 8 * spacing
+    assert far(before) < 4 * spacing
+    assert far(mesh) > 8 * spacing
     # with the same labels there is nothing to do, with others there is
     record = run_stages(project, with_part("specimen"), names=("mesh",))
     first = record.entry("mesh").key
