@@ -12,6 +12,7 @@ from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.geometry.subset import take_subset
 from semsfm_colmap.mapping.context import Guide, SeriesContext
 from semsfm_colmap.mapping.drift import adjust_last
+from semsfm_colmap.matching.guided.filtering import FilteredImages
 from semsfm_colmap.matching.guided.grow import Grown, grow_tracks
 from semsfm_colmap.matching.guided.noise import fit_relative_sigma
 from semsfm_colmap.records import GuidedFigures
@@ -103,12 +104,15 @@ def settle(
     value, seeds = first, observations
     settled: Settling | None = None
     rounds = guide.options.rounds
+    filtered = FilteredImages(guide.read_image)
     for k in range(rounds):
 
         def looked(done: int, total: int, k: int = k) -> None:
             context.progress("guided passes", k * total + done, rounds * total)
 
-        step = grow_part(value, seeds, guide, extend=k > 0, seed=context.seed, progress=looked)
+        step = grow_part(
+            value, seeds, guide, filtered, extend=k > 0, seed=context.seed, progress=looked
+        )
         if step is None:
             return None
         adjusted = refine(
@@ -156,6 +160,7 @@ def grow_part(
     value: Refined,
     observations: Observations,
     guide: Guide,
+    filtered: FilteredImages,
     *,
     extend: bool,
     seed: int,
@@ -171,6 +176,7 @@ def grow_part(
         extend=extend,
         read_mask=lambda i: guide.read_mask(int(images[i])),
         read_keypoints=lambda i: guide.read_keypoints(int(images[i])),
+        read_filtered=lambda i, high_pass_px: filtered(int(images[i]), high_pass_px),
         seed=seed,
         progress=progress,
     )

@@ -29,3 +29,12 @@ def align_by_least_squares(
 
     result = least_squares(residuals, [0.0, 0.0, 1.0, 0.0, 0.0, 0.0], x_scale="jac")
     return np.asarray(xy2 + result.x[:2])
+
+
+def catmull_rom(image: Array, x: float, y: float) -> float:
+    """The cubic through four points with central differences as slopes, along rows, then down."""
+    M = 0.5 * np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]])
+    i, j = int(np.floor(x)), int(np.floor(y))
+    values = image[j - 1 : j + 3, i - 1 : i + 3].astype(float)
+    fx, fy = np.array([x - i, y - j])[:, None] ** np.arange(4)
+    return float(fy @ M @ values @ M.T @ fx)

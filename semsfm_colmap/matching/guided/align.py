@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semsfm_colmap.matching.guided.align_kernels import align_all, cut_patches, prepare_all
+from semsfm_colmap.matching.guided.align_kernels import align_all, prepare_all
+from semsfm_colmap.matching.guided.patch_kernels import cut_patches
 from semsfm_colmap.types import Array, Bool, Float, Int
 
 PIXEL_CENTRE = 0.5
 """COLMAP's origin: the centre of the first pixel is (0.5, 0.5)."""
-MAX_ITERATIONS = 15
+MAX_ITERATIONS = 14
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

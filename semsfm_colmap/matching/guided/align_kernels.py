@@ -24,6 +24,7 @@ import math
 import numba
 import numpy as np
 
+from semsfm_colmap.matching.guided.patch_kernels import FREE_ORDER, read_patch
 from semsfm_colmap.types import Array
 
 MARGIN = 1
@@ -35,47 +36,6 @@ MIN_CONDITION = 1e-3
 LOST_CORRELATION = 0.2
 """Below this after LOST_ITERATIONS the patch is not there: occluded, or too far off."""
 LOST_ITERATIONS = 3
-
-
-@numba.njit(nogil=True, cache=True, inline="always")
-def sample(image: Array, x: float, y: float) -> float:
-    """Cubic (Catmull-Rom) interpolation at pixel index (x, y); the caller stays inside."""
-    ix, iy = int(x), int(y)
-    fx, fy = x - ix, y - iy
-    ax = fx * (-0.5 + fx * (1.0 - 0.5 * fx))
-    bx = 1.0 + fx * fx * (-2.5 + 1.5 * fx)
-    cx = fx * (0.5 + fx * (2.0 - 1.5 * fx))
-    dx = fx * fx * (-0.5 + 0.5 * fx)
-    ay = fy * (-0.5 + fy * (1.0 - 0.5 * fy))
-    by = 1.0 + fy * fy * (-2.5 + 1.5 * fy)
-    cy = fy * (0.5 + fy * (2.0 - 1.5 * fy))
-    dy = fy * fy * (-0.5 + 0.5 * fy)
-    i0, i1, i2, i3 = ix - 1, ix, ix + 1, ix + 2
-    j0, j1, j2, j3 = iy - 1, iy, iy + 1, iy + 2
-    r0 = ax * image[j0, i0] + bx * image[j0, i1] + cx * image[j0, i2] + dx * image[j0, i3]
-    r1 = ax * image[j1, i0] + bx * image[j1, i1] + cx * image[j1, i2] + dx * image[j1, i3]
-    r2 = ax * image[j2, i0] + bx * image[j2, i1] + cx * image[j2, i2] + dx * image[j2, i3]
-    r3 = ax * image[j3, i0] + bx * image[j3, i1] + cx * image[j3, i2] + dx * image[j3, i3]
-    return ay * r0 + by * r1 + cy * r2 + dy * r3
-
-
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def read_patch(image: Array, x: float, y: float, W: Array, radius: int, out: Array) -> bool:
-    """Values at ``W p + x`` for the grid p of 2 * radius + 1; False where it leaves the image."""
-    height, width = image.shape
-    reach_x = (abs(W[0, 0]) + abs(W[0, 1])) * radius
-    reach_y = (abs(W[1, 0]) + abs(W[1, 1])) * radius
-    if not (x - reach_x >= 1.0 and y - reach_y >= 1.0):
-        return False
-    if x + reach_x >= width - 2.0 or y + reach_y >= height - 2.0:
-        return False
-    for j in range(2 * radius + 1):
-        py = float(j - radius)
-        x0, y0 = x + W[0, 1] * py, y + W[1, 1] * py
-        for i in range(2 * radius + 1):
-            px = float(i - radius)
-            out[j, i] = sample(image, x0 + W[0, 0] * px, y0 + W[1, 0] * px)
-    return True
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -168,6 +128,41 @@ def prepare(
     return contrast
 
 
+@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=FREE_ORDER)
+def products(gradient: Array, texture: Array, J: Array) -> tuple[float, float, float]:
+    """Sums of J (n, n) times the two parts of the gradient and times the texture.
+
+    All rims are zero, so that the arrays are run through as a whole.
+    """
+    gx, gy, t, values = gradient[0].ravel(), gradient[1].ravel(), texture.ravel(), J.ravel()
+    bx = by = cross = np.float32(0.0)
+    for k in range(values.size):
+        bx += gx[k] * values[k]
+        by += gy[k] * values[k]
+        cross += t[k] * values[k]
+    return float(bx), float(by), float(cross)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=FREE_ORDER)
+def energy_of(window: Array, J: Array) -> tuple[float, float]:
+    """Weighted squares of J without a constant and a ramp, and the sum of the weights."""
+    n = window.shape[0]
+    radius = (n - 1) // 2
+    sw = sxx = s = sx = sy = ss = 0.0
+    for j in range(MARGIN, n - MARGIN):
+        py = float(j - radius)
+        for i in range(MARGIN, n - MARGIN):
+            w, value = window[j, i], float(J[j, i])
+            px = float(i - radius)
+            sw += w
+            sxx += w * px * px
+            s += w * value
+            sx += w * value * px
+            sy += w * value * py
+            ss += w * value * value
+    return ss - s * s / sw - (sx * sx + sy * sy) / sxx, sw
+
+
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def align(
     gradient: Array,
@@ -191,77 +186,46 @@ def align(
     ----------
     gradient, texture, inverse, spread, contrast : of the patch, from `prepare`
     x, y : predicted place, pixel index; W : (2, 2) image px per patch px
-    J : (n, n) scratch
-    out : (6,) place x, y, correlation, and the covariance xx, xy, yy of the place in px^2
+    max_iterations : most steps
+    max_shift : how far from x, y it may end, px of the patch
+    J : (n, n) scratch, its rim zero
+    out : (6,) place x, y, correlation, and the covariance xx, xy, yy of the place in px^2; the
+        last step, below CONVERGED_PX, moves the place and is not looked at again
 
     """
-    n = window.shape[0]
-    radius = (n - 1) // 2
+    radius = (window.shape[0] - 1) // 2
+    a, b, c, d = W[0, 0], W[0, 1], W[1, 0], W[1, 1]
     u = v = 0.0
-    step = np.inf
     for iteration in range(max_iterations):
-        cx = x + W[0, 0] * u + W[0, 1] * v
-        cy = y + W[1, 0] * u + W[1, 1] * v
-        if not read_patch(image, cx, cy, W, radius, J):
+        if not read_patch(image, x + a * u + b * v, y + c * u + d * v, W, radius, MARGIN, J):
             return False
-        done = step < CONVERGED_PX * CONVERGED_PX
-        bx = by = cross = 0.0
-        for j in range(MARGIN, n - MARGIN):
-            for i in range(MARGIN, n - MARGIN):
-                value = J[j, i]
-                bx += gradient[0, j, i] * value
-                by += gradient[1, j, i] * value
-                cross += texture[j, i] * value
+        bx, by, cross = products(gradient, texture, J)
         gain = cross / contrast
         # a negative gain is another pattern
-        if gain <= 0.0:
+        if not gain > 0.0:
             return False
-        if done or iteration == LOST_ITERATIONS:
-            sw = sxx = s = sx = sy = ss = 0.0
-            for j in range(MARGIN, n - MARGIN):
-                for i in range(MARGIN, n - MARGIN):
-                    w, value = window[j, i], J[j, i]
-                    px, py = float(i - radius), float(j - radius)
-                    sw += w
-                    sxx += w * px * px
-                    s += w * value
-                    sx += w * value * px
-                    sy += w * value * py
-                    ss += w * value * value
-            energy = ss - s * s / sw - (sx * sx + sy * sy) / sxx
-            correlation = cross / math.sqrt(max(contrast * energy, 1e-30))
-            if done:
-                # what neither gain, offset nor ramp explains, in units of the patch
-                variance = max(energy - gain * cross, 0.0) / (sw * gain * gain)
-                a, b, c, d = W[0, 0], W[0, 1], W[1, 0], W[1, 1]
-                xx, xy, yy = spread[0, 0], spread[0, 1], spread[1, 1]
-                out[0], out[1], out[2] = cx, cy, correlation
-                out[3] = variance * (a * a * xx + 2.0 * a * b * xy + b * b * yy)
-                out[4] = variance * (a * c * xx + (a * d + b * c) * xy + b * d * yy)
-                out[5] = variance * (c * c * xx + 2.0 * c * d * xy + d * d * yy)
-                return True
-            if correlation < LOST_CORRELATION:
-                return False
         du = -(inverse[0, 0] * bx + inverse[0, 1] * by) / gain
         dv = -(inverse[1, 0] * bx + inverse[1, 1] * by) / gain
+        done = du * du + dv * dv < CONVERGED_PX * CONVERGED_PX
+        if done or iteration == LOST_ITERATIONS:
+            energy, sw = energy_of(window, J)
+            correlation = cross / math.sqrt(max(contrast * energy, 1e-30))
+            if not done and correlation < LOST_CORRELATION:
+                return False
         u += du
         v += dv
-        step = du * du + dv * dv
         if not u * u + v * v <= max_shift * max_shift:
             return False
+        if done:
+            # what neither gain, offset nor ramp explains, in units of the patch
+            variance = max(energy - gain * cross, 0.0) / (sw * gain * gain)
+            xx, xy, yy = spread[0, 0], spread[0, 1], spread[1, 1]
+            out[0], out[1], out[2] = x + a * u + b * v, y + c * u + d * v, correlation
+            out[3] = variance * (a * a * xx + 2.0 * a * b * xy + b * b * yy)
+            out[4] = variance * (a * c * xx + (a * d + b * c) * xy + b * d * yy)
+            out[5] = variance * (c * c * xx + 2.0 * c * d * xy + d * d * yy)
+            return True
     return False
-
-
-@numba.njit(parallel=True, cache=True, error_model="numpy")
-def cut_patches(image: Array, places: Array, radius: int) -> Array:
-    """Patches (K, n, n) around pixel indices (K, 2); nan where they leave the image."""
-    n = 2 * radius + 1
-    out = np.full((len(places), n, n), np.nan, dtype=np.float32)
-    for k in numba.prange(len(places)):
-        patch = np.empty((n, n))
-        if read_patch(image, places[k, 0], places[k, 1], np.eye(2), radius, patch):
-            out[k] = patch
-    return out
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
@@ -308,7 +272,7 @@ def align_all(
         p = which[k]
         if contrast[p] <= 0.0:
             continue
-        J = np.empty((n, n), dtype=np.float32)
+        J = np.zeros((n, n), dtype=np.float32)
         found = np.empty(6)
         if align(
             gradient[p],

@@ -19,7 +19,7 @@ from semsfm_colmap.matching.guided.align import (
 )
 from semsfm_colmap.matching.guided.candidates import add_candidates
 from semsfm_colmap.matching.guided.distinct import distinct_tracks
-from semsfm_colmap.matching.guided.filtering import band_pass
+from semsfm_colmap.matching.guided.filtering import FilteredImages
 from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.matching.guided.predict import (
     Predictions,
@@ -102,7 +102,7 @@ def find_seeds(
 
 def reference_templates(
     references: References,
-    read_image: Callable[[int], Array],
+    read_filtered: Callable[[int, float], Array],
     high_pass_px: float,
     options: GuidedOptions,
 ) -> Templates:
@@ -112,7 +112,7 @@ def reference_templates(
     patches = np.full((len(references.image_idx), n, n), np.nan, dtype=np.float32)
     for i in np.unique(references.image_idx[references.image_idx >= 0]):
         mine = np.flatnonzero(references.image_idx == i)
-        image = band_pass(read_image(int(i)), high_pass_px)
+        image = read_filtered(int(i), high_pass_px)
         patches[mine] = read_patches(image, references.xy[mine], radius)
     return prepare_templates(patches, options.window_sigma_px)
 
@@ -122,6 +122,7 @@ def choose_high_pass(
     seeds: Seeds,
     observations: Observations,
     read_image: Callable[[int], Array],
+    read_filtered: Callable[[int, float], Array],
     options: GuidedOptions,
     rng: np.random.Generator,
 ) -> float:
@@ -143,7 +144,7 @@ def choose_high_pass(
     references = replace(seeds.references, image_idx=image_idx)
     share = []
     for high_pass in HIGH_PASS_PX:
-        templates = reference_templates(references, read_image, high_pass, options)
+        templates = reference_templates(references, read_filtered, high_pass, options)
         found = tried = 0
         for i in some:
             mine = observations.track_idx[known & (observations.image_idx == i)]
@@ -155,7 +156,7 @@ def choose_high_pass(
             alignment = align_patches(
                 templates,
                 where.track_idx[these],
-                band_pass(image, high_pass),
+                read_filtered(int(i), high_pass),
                 where.xy[these],
                 where.warp[these],
                 max_shift_px=options.max_shift_px,
@@ -178,6 +179,7 @@ def grow_tracks(
     extend: bool = True,
     read_mask: Callable[[int], Bool | None] = lambda i: None,
     read_keypoints: Callable[[int], Float] | None = None,
+    read_filtered: Callable[[int, float], Array] | None = None,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Grown | None:
@@ -192,6 +194,8 @@ def grow_tracks(
         that is still biased should do first, for its predictions are
     read_mask : number -> True where the specimen is, or None
     read_keypoints : number -> (K, 2) px; those without a track are tried as points when extending
+    read_filtered : number and high-pass in px -> band-passed pixels (H, W), for several passes to
+        share what they have filtered
 
     Returns
     -------
@@ -202,8 +206,9 @@ def grow_tracks(
     if start is None:
         return None
     seeds, known = start
+    read_filtered = read_filtered or FilteredImages(read_image)
     rng = np.random.default_rng(seed)
-    high_pass = choose_high_pass(cameras, seeds, known, read_image, options, rng)
+    high_pass = choose_high_pass(cameras, seeds, known, read_image, read_filtered, options, rng)
     if extend and read_keypoints is not None:
         seeds = add_candidates(
             cameras,
@@ -214,7 +219,7 @@ def grow_tracks(
             max_num_points=options.fill_up_to,
             rng=rng,
         )
-    templates = reference_templates(seeds.references, read_image, high_pass, options)
+    templates = reference_templates(seeds.references, read_filtered, high_pass, options)
     # a reference view is its own measurement
     usable = np.flatnonzero(templates.usable)
     parts = [
@@ -233,7 +238,7 @@ def grow_tracks(
         )
         if not extend:
             where = where.at(known.select(known.image_idx == i))
-        filtered = band_pass(pixels, high_pass)
+        filtered = read_filtered(i, high_pass)
         parts.append(_find_in(i, filtered, read_mask(i), where, templates, options))
         if progress is not None:
             progress(i + 1, len(cameras))

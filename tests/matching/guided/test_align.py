@@ -5,7 +5,8 @@ import pytest
 
 from semsfm_colmap.matching.guided.align import align_patches, prepare_templates, read_patches
 from semsfm_colmap.matching.guided.filtering import band_pass
-from tests.oracles.alignment import align_by_least_squares
+from semsfm_colmap.matching.guided.patch_kernels import read_patch
+from tests.oracles.alignment import align_by_least_squares, catmull_rom
 
 RADIUS, SIGMA = 5, 2.5
 SIZE = 200
@@ -131,3 +132,27 @@ def test_band_pass_takes_out_constants_and_ramps_and_keeps_fine_texture():
     assert np.abs(band_pass(ramp, 2.0)[inner]).max() < 1e-3
     fine = image()
     assert band_pass(fine, 2.0)[inner].std() > 0.4 * fine[inner].std()
+
+
+@pytest.mark.parametrize("x", [12.0, 31.4999, 5970.27])
+def test_a_patch_is_read_by_cubic_interpolation_anywhere_in_a_large_image(x):
+    rng = np.random.default_rng(5)
+    pixels = rng.normal(size=(60, 6000)).astype(np.float32)
+    W, y, radius = np.array([[1.1, -0.4], [0.3, 0.8]]), 30.75, 6
+    patch = np.full((2 * radius + 1, 2 * radius + 1), 7.0, np.float32)
+    assert read_patch(pixels, x, y, W, radius, 1, patch)
+    assert (patch[[0, -1]] == 7.0).all()
+    assert (patch[:, [0, -1]] == 7.0).all()
+    for j in range(1, 2 * radius):
+        for i in range(1, 2 * radius):
+            place = W @ [i - radius, j - radius] + [x, y]
+            # single precision: places to 2e-6 px, slopes of a few units a pixel
+            assert patch[j, i] == pytest.approx(catmull_rom(pixels, *place), abs=3e-5)
+
+
+def test_a_patch_that_leaves_the_image_is_not_read():
+    pixels, patch = np.zeros((60, 80), np.float32), np.zeros((13, 13), np.float32)
+    # a cubic needs a pixel before and two after
+    for x, inside in ((6.99, False), (7.0, True), (71.99, True), (72.0, False)):
+        assert read_patch(pixels, x, 30.0, np.eye(2), 6, 0, patch) == inside
+    assert not read_patch(pixels, np.nan, 30.0, np.eye(2), 6, 0, patch)
