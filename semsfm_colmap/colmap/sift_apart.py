@@ -2,7 +2,7 @@
 
 A job fills a database of its own in a temporary folder, as `sift.py` does beside the project's; the
 project's database is written by the process that asked, image by image and block by block, and
-holds the same rows. A block of consecutive pairs shares images: each of them is sent once.
+holds the same rows. A block of pairs shares images: each of them is sent and prepared once.
 """
 
 from __future__ import annotations
@@ -23,17 +23,16 @@ from semsfm_colmap.colmap.database.work import (
     write_matches,
 )
 from semsfm_colmap.colmap.options import SiftOptions
-from semsfm_colmap.colmap.sift import MATCH_CHUNK, extract_sift, match_listed
+from semsfm_colmap.colmap.sift import extract_sift, match_listed
 from semsfm_colmap.types import Array, ParallelMap
 
 Progress = Callable[[int, int], None]
 StoredFeatures = tuple[Array, tuple[int, Array]]
 """Keypoints (K, 4 or 6) float32; COLMAP's number of the extractor and descriptors (K, 128) uint8"""
 
-BLOCKS_PER_WORKER = 4
-"""Pairs are cut into so many blocks a worker, so that none waits long for the last one."""
-MIN_BLOCK = 6
-"""Fewer pairs share too few images."""
+BLOCK_IMAGES = 6
+"""A block holds the pairs between so many images and so many others: COLMAP prepares an image for
+the search once a block, which takes as long as one or two pairs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +127,6 @@ def match_sift_apart(
     *,
     max_ratio: float,
     parallel_map: ParallelMap,
-    num_workers: int,
     progress: Progress,
 ) -> None:
     """What `sift.match_sift` does, blocks of pairs spread over other processes.
@@ -136,12 +134,10 @@ def match_sift_apart(
     Parameters
     ----------
     parallel_map : over the blocks; files of the project are not read there
-    num_workers : how many blocks it works on at a time
 
     """
     todo = pairs_without_matches(database_path, pairs)
-    length = max(MIN_BLOCK, min(MATCH_CHUNK, len(todo) // (BLOCKS_PER_WORKER * num_workers)))
-    blocks = [todo[begin : begin + length] for begin in range(0, len(todo), length)]
+    blocks = blocks_of(todo)
     done = len(pairs) - len(todo)
     match = MatchesOfBlock(max_ratio=max_ratio)
     found = parallel_map(match, (block_of(database_path, block) for block in blocks))
@@ -150,6 +146,16 @@ def match_sift_apart(
         write_matches(database_path, dict(zip(sorted_pairs, matches, strict=True)))
         done += len(block)
         progress(done, len(pairs))
+
+
+def blocks_of(pairs: Sequence[ImagePair]) -> list[list[ImagePair]]:
+    """The pairs between each `BLOCK_IMAGES` images and each others, in the order of the images."""
+    ids = sorted({image_id for pair in pairs for image_id in pair})
+    group = {image_id: n // BLOCK_IMAGES for n, image_id in enumerate(ids)}
+    blocks: dict[tuple[int, int], list[ImagePair]] = {}
+    for a, b in pairs:
+        blocks.setdefault((group[a], group[b]), []).append((a, b))
+    return list(blocks.values())
 
 
 def block_of(

@@ -36,12 +36,8 @@ CONNECT_S = 10.0
 """Within this time a scheduler answers."""
 WORKERS_S = 60.0
 """Within this time there are workers: a queue may have to start them."""
-SETTINGS = {
-    # one line of ours is enough: the numbers of a series are no accident
-    "distributed.admin.large-graph-warning-threshold": "4GB",
-    # a scheduler that is gone has forgotten the work
-    "distributed.client.heartbeat": "1s",
-}
+SETTINGS = {"distributed.admin.large-graph-warning-threshold": "4GB"}
+"""A function with all that a series has in common is large on purpose."""
 ONE_THREAD = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
@@ -154,7 +150,8 @@ class DaskExecutor:
                 n_workers=self.num_processes,
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address=None,
+                dashboard_address="127.0.0.1:0",
+                worker_dashboard_address="127.0.0.1:0",
                 memory_limit=None,  # as threads of one process have it: the system's
                 silence_logs=logging.CRITICAL,
             )

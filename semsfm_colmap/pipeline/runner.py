@@ -127,6 +127,9 @@ def run_stages(
     """
     reporter = reporter or Reporter(verbosity=-1)
     project = Project(Path(project_path))
+    if not (config.executor == "local" if executor is None else executor.shares_memory):
+        # other processes may have been started in another folder
+        project = Project(project.path.resolve())
     chosen = [find_stage(name) for name in names]
     check_output(project, [place for stage in STAGES for place in stage.places])
     source = None if image_path is None else Path(image_path)

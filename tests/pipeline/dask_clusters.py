@@ -27,7 +27,7 @@ def scheduler_of_threads(num_workers: int = 2) -> Iterator[str]:
             n_workers=num_workers,
             threads_per_worker=1,
             processes=False,
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",
             memory_limit=None,
         ) as cluster,
     ):

@@ -6,6 +6,7 @@ import shutil
 import signal
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -31,7 +32,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::DeprecationWarning:distributed"),
 ]
 LOCAL = config_from_dict({"num_threads": 2})
-COMPARED = ("extract", "match", "densify")
+COMPARED = ("extract", "match", "map", "densify")
 
 
 @pytest.fixture(scope="module")
@@ -203,19 +204,23 @@ def test_processes_of_which_one_is_killed_in_each_step_leave_the_same_bits(
     with DaskExecutor(scheduler_address=None, num_processes=num_processes) as inner:
         killing = AfterFirst(inner, lambda: kill_a_worker(inner))
         run_stages(there, LOCAL, names=COMPARED, force=True, executor=killing)
-    assert killing.num_times >= 5  # keypoints, matches, verification, depth maps, fusion
+    # keypoints, matches, verification, guided passes, depth maps, fusion
+    assert killing.num_times >= 7
     assert tables(here / "database.db") == tables(there / "database.db")
+    assert files(here / "sparse") == files(there / "sparse")
     assert files(here / "dense") == files(there / "dense")
-    assert "dense/fused.ply" in files(there)
+    assert "fused.ply" in files(there / "dense")
 
 
 @pytest.mark.slow
 def test_a_scheduler_that_goes_away_is_one_sentence_and_the_next_run_goes_on(
-    small_series, tmp_path
+    small_series, tmp_path, monkeypatch
 ):
     images, names = small_series / "images", ("ingest", "extract", "match")
-    project = Project(tmp_path / "p")
-    with OwnScheduler(tmp_path) as cluster:
+    monkeypatch.chdir(tmp_path)
+    project, elsewhere = Project(Path("p")), tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    with OwnScheduler(elsewhere) as cluster:
         address = cluster.address()
         with DaskExecutor(scheduler_address=address, num_processes=1) as inner:
             dying = AfterFirst(inner, cluster.kill_scheduler)

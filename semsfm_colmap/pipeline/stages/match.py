@@ -85,7 +85,6 @@ def match_pairs(
                 [(ids[i], ids[j]) for i, j in pairs],
                 max_ratio=config.matching.max_ratio,
                 parallel_map=on.executor.map,
-                num_workers=on.executor.num_workers,
                 progress=progress,
             )
         else:
