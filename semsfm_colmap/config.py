@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import tomllib
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -82,6 +82,11 @@ class Config:
     """Seed of everything random: same seed, same result"""
     num_threads: int = -1
     """Threads of feature extraction and matching; -1 for all cores"""
+    executor: Literal["local", "dask"] = "local"
+    """local: threads of this process; dask: processes, as many as `num_threads` says on this
+    machine, or those of a scheduler. The results are the same; the project does not remember it."""
+    scheduler_address: str | None = None
+    """Of a dask scheduler whose workers see the project under the same path: tcp://HOST:8786"""
 
 
 def preset(quality: Quality) -> Config:
@@ -262,6 +267,11 @@ def write_config(config: Config, path: Path | str) -> None:
     import tomli_w
 
     write_text(tomli_w.dumps(config_to_dict(config)), Path(path))
+
+
+def without_executor(config: Config) -> Config:
+    """The options that a project remembers: where a run took place is none of them."""
+    return replace(config, executor=Config.executor, scheduler_address=Config.scheduler_address)
 
 
 def options_key(section: Any) -> str:

@@ -19,6 +19,12 @@ class UsageError(SemSfmError):
     exit_code = 2
 
 
+class ClusterError(SemSfmError):
+    """The processes that work was sent to are gone. Nothing is wrong with the data: what was
+    finished is kept, and the same command goes on.
+    """
+
+
 class MissingDependencyError(SemSfmError):
     """A library or a system package that a step needs is not installed."""
 

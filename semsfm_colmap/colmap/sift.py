@@ -101,11 +101,6 @@ def match_sift(
     progress: Progress | None = None,
 ) -> None:
     """Match the descriptors of the pairs that have no matches yet, without verification."""
-    matching = pycolmap.FeatureMatchingOptions()
-    matching.use_gpu = False
-    matching.num_threads = num_threads
-    matching.skip_geometric_verification = True
-    matching.sift.max_ratio = max_ratio
     todo = pairs_without_matches(database_path, pairs)
     done = len(pairs) - len(todo)
     if not todo:
@@ -122,17 +117,40 @@ def match_sift(
         list_path = Path(folder) / "pairs.txt"
         for begin in range(0, len(todo), MATCH_CHUNK):
             chunk = [(number[a], number[b]) for a, b in todo[begin : begin + MATCH_CHUNK]]
-            lines = [f"{a}.png {b}.png\n" for a, b in chunk]
-            list_path.write_text("".join(lines), encoding="utf-8")
-            pairing = pycolmap.ImportedPairingOptions()
-            pairing.match_list_path = str(list_path)
-            pycolmap.match_image_pairs(
-                str(scratch),
-                matching_options=matching,
-                pairing_options=pairing,
-                device=pycolmap.Device.cpu,
-            )
+            match_listed(scratch, chunk, list_path, max_ratio=max_ratio, num_threads=num_threads)
             copy_matches(scratch, database_path, chunk, ids)
             done += len(chunk)
             if progress is not None:
                 progress(done, len(pairs))
+
+
+def match_listed(
+    scratch: Path,
+    pairs: Sequence[tuple[int, int]],
+    list_path: Path,
+    *,
+    max_ratio: float,
+    num_threads: int,
+) -> None:
+    """Match pairs of a database of our own, whose images are called ``<number>.png``.
+
+    Parameters
+    ----------
+    pairs : numbers
+    list_path : a file to write for COLMAP
+
+    """
+    matching = pycolmap.FeatureMatchingOptions()
+    matching.use_gpu = False
+    matching.num_threads = num_threads
+    matching.skip_geometric_verification = True
+    matching.sift.max_ratio = max_ratio
+    list_path.write_text("".join(f"{a}.png {b}.png\n" for a, b in pairs), encoding="utf-8")
+    pairing = pycolmap.ImportedPairingOptions()
+    pairing.match_list_path = str(list_path)
+    pycolmap.match_image_pairs(
+        str(scratch),
+        matching_options=matching,
+        pairing_options=pairing,
+        device=pycolmap.Device.cpu,
+    )

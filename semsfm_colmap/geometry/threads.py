@@ -44,3 +44,22 @@ def blas_threads(limit: int | None) -> AbstractContextManager[object]:
     The last bits of a product depend on how many work on it: one thread gives the same everywhere.
     """
     return _libraries().limit(limits=limit, user_api="blas")
+
+
+def one_thread() -> None:
+    """Let this thread work alone from now on, whatever library it calls.
+
+    For processes that there are as many of as threads are wanted. numba is told for the thread that
+    calls; OpenCV and linear algebra know one number for the process, and are told once.
+    """
+    numba.set_num_threads(1)
+    _one_thread_of_process()
+
+
+@cache
+def _one_thread_of_process() -> None:
+    import cv2
+    import scipy.linalg  # noqa: F401 - its BLAS is another than numpy's, and is to be loaded
+
+    cv2.setNumThreads(1)
+    ThreadpoolController().limit(limits=1, user_api="blas")

@@ -11,7 +11,7 @@ from semsfm_colmap.factorization.options import FactorizationOptions
 from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.motion.prior import TiltPrior
 from semsfm_colmap.refinement.options import RefinementOptions
-from semsfm_colmap.types import Array, Bool, Float, Int
+from semsfm_colmap.types import Array, Bool, Float, Int, ParallelMap
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,6 +24,8 @@ class Guide:
     read_keypoints: Callable[[int], Float]
     """number in the series -> all measured keypoints (K, 2) px"""
     options: GuidedOptions
+    parallel_map: ParallelMap = map
+    """over the images in which points are looked for"""
 
 
 def silent(sentence: str) -> None:

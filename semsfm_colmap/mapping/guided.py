@@ -167,18 +167,20 @@ def grow_part(
     progress: Callable[[int, int], None] | None = None,
 ) -> Grown | None:
     """`grow_tracks` on the registered images; the result is numbered as the series."""
-    images = value.images
+    # by themselves, so that they can be sent to other processes without the guide
+    images, read_image, read_mask = value.images, guide.read_image, guide.read_mask
     grown = grow_tracks(
         value.cameras,
         take_subset(observations, images=images, min_length=2).observations,
-        lambda i: guide.read_image(int(images[i])),
+        lambda i: read_image(int(images[i])),
         guide.options,
         extend=extend,
-        read_mask=lambda i: guide.read_mask(int(images[i])),
+        read_mask=lambda i: read_mask(int(images[i])),
         read_keypoints=lambda i: guide.read_keypoints(int(images[i])),
         read_filtered=lambda i, high_pass_px: filtered(int(images[i]), high_pass_px),
         seed=seed,
         progress=progress,
+        parallel_map=guide.parallel_map,
     )
     if grown is None:
         return None

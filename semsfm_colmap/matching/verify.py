@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from semsfm_colmap.geometry.epipolar import epipolar_residual, estimate_affine_fundamental
@@ -12,6 +15,23 @@ from semsfm_colmap.records import MATCH_STEPS
 from semsfm_colmap.types import AffineTwoViewGeometry, Float, Int
 
 STATIC, EPIPOLAR, DISTANCE, VERIFIED = range(len(MATCH_STEPS))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairVerifier:
+    """`verify_pair` with all that pairs have in common; can be pickled, for other processes."""
+
+    keypoints: Sequence[Float]
+    """(K, 2) px of each image"""
+    options: MatchingOptions
+    seed: int
+
+    def __call__(self, pair: tuple[tuple[int, int], Int]) -> AffineTwoViewGeometry:
+        """Verify a pair: numbers in `keypoints`, and its matches (L, 2)."""
+        (i, j), rows = pair
+        return verify_pair(
+            (i, j), self.keypoints[i], self.keypoints[j], rows, self.options, self.seed
+        )
 
 
 def verify_pair(

@@ -33,7 +33,7 @@ def write_depth_maps(
             on.project.masks_or_none,
             on.config.surface,
             parallel_map=on.executor.map,
-            num_at_a_time=on.executor.num_workers,
+            num_at_a_time=on.executor.num_workers if on.executor.shares_memory else 1,
         ):
             write_depth_map(folder, depth_map)
             names.append(depth_map.image_name)

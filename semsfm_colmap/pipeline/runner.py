@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from semsfm_colmap.config import Config, options_key, write_config
-from semsfm_colmap.errors import InputError, SemSfmError, UsageError
+from semsfm_colmap.config import Config, options_key, without_executor, write_config
+from semsfm_colmap.errors import ClusterError, InputError, SemSfmError, UsageError
 from semsfm_colmap.ingest.files.listing import source_files
-from semsfm_colmap.pipeline.executor import Executor, ThreadExecutor
+from semsfm_colmap.pipeline.executor import Executor, open_executor
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 from semsfm_colmap.pipeline.record import (
     RunRecord,
@@ -109,7 +110,7 @@ def run_stages(
     image_path : folder of the source images, or an MRC stack; needed for the stage that makes the
         project
     reporter : told how far it is, and what to note; default: nothing is said
-    executor : how work on single images and pairs is spread; default: threads of this process
+    executor : how work on single images and pairs is spread; default: as the options say
     force : run them even when nothing has changed
 
     Returns
@@ -126,6 +127,9 @@ def run_stages(
     """
     reporter = reporter or Reporter(verbosity=-1)
     project = Project(Path(project_path))
+    if not (config.executor == "local" if executor is None else executor.shares_memory):
+        # other processes may have been started in another folder
+        project = Project(project.path.resolve())
     chosen = [find_stage(name) for name in names]
     check_output(project, [place for stage in STAGES for place in stage.places])
     source = None if image_path is None else Path(image_path)
@@ -143,16 +147,20 @@ def run_stages(
             record.image_path = str(source.resolve())
             record.inputs = input_hashes(source, record.inputs)
         record.seed = config.seed
-        runner = Runner(
-            project=project,
-            config=config,
-            record=record,
-            reporter=reporter,
-            executor=executor or ThreadExecutor(config.num_threads),
-            force=force,
-        )
         try:
-            runner.run({stage.name for stage in chosen})
+            with (
+                open_executor(config, project.path, reporter.say)
+                if executor is None
+                else nullcontext(executor)
+            ) as workers:
+                Runner(
+                    project=project,
+                    config=config,
+                    record=record,
+                    reporter=reporter,
+                    executor=workers,
+                    force=force,
+                ).run({stage.name for stage in chosen})
         finally:
             reporter.close()
     return record
@@ -216,6 +224,8 @@ class Runner:
                     fresh=fresh,
                 )
             )
+        except ClusterError:
+            raise  # as after a kill: the same command goes on
         except SemSfmError as error:
             if not stage.founds:
                 self.keep(stage, failed(stage, time.monotonic() - begin, error))
@@ -228,7 +238,7 @@ class Runner:
             entry = replace(entry, product=stage.product(self.project))
         self.reporter.log_to(self.project.log)
         self.keep(stage, entry)
-        write_config(self.config, self.project.config)
+        write_config(without_executor(self.config), self.project.config)
         return True
 
     def keep(self, stage: Stage, entry: StageEntry) -> None:

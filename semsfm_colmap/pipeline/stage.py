@@ -30,6 +30,15 @@ class StageRun:
     fresh: bool = True
     """False when a run with the same inputs and options was cut off and goes on"""
 
+    @property
+    def local(self) -> Executor:
+        """The executor for work in the memory of this process, libraries with own threads too."""
+        from semsfm_colmap.pipeline.executor import ThreadExecutor
+
+        if self.executor.shares_memory:
+            return self.executor
+        return ThreadExecutor(self.config.num_threads)
+
 
 def no_files(project: Project, config: Config) -> Sequence[Path]:
     """Nothing but the results of the stage before."""

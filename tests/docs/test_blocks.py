@@ -25,6 +25,7 @@ from tests.docs.commands import FORMS, flags_of
 
 OTHER_PROGRAMS = {
     "colmap",
+    "dask",
     "eval",
     "DensifyPointCloud",
     "InterfaceCOLMAP",

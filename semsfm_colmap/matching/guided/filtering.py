@@ -32,6 +32,8 @@ def band_pass(image: Array, high_pass_px: float) -> Array:
 class FilteredImages:
     """The band-passed images of a series, the last ones kept: a pass asks for each three times.
 
+    Pickled without them.
+
     Parameters
     ----------
     read_image : number -> pixels (H, W)
@@ -43,6 +45,9 @@ class FilteredImages:
         self._read_image = read_image
         self._max_bytes = max_bytes
         self._kept: OrderedDict[tuple[int, float], Array] = OrderedDict()
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return FilteredImages, (self._read_image, self._max_bytes)
 
     def __call__(self, i: int, high_pass_px: float) -> Array:
         """`band_pass` of image i, not to be written to."""

@@ -28,7 +28,15 @@ from semsfm_colmap.matching.guided.predict import (
     frontal_references,
     predict,
 )
-from semsfm_colmap.types import Array, Bool, Float, Int, Observations, OrthographicCameras
+from semsfm_colmap.types import (
+    Array,
+    Bool,
+    Float,
+    Int,
+    Observations,
+    OrthographicCameras,
+    ParallelMap,
+)
 
 HIGH_PASS_PX = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0)
 """Tried from the finest on."""
@@ -182,6 +190,7 @@ def grow_tracks(
     read_filtered: Callable[[int, float], Array] | None = None,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
+    parallel_map: ParallelMap = map,
 ) -> Grown | None:
     """Look for the point of every track in every image that should see it.
 
@@ -196,6 +205,7 @@ def grow_tracks(
     read_keypoints : number -> (K, 2) px; those without a track are tried as points when extending
     read_filtered : number and high-pass in px -> band-passed pixels (H, W), for several passes to
         share what they have filtered
+    parallel_map : over the images; the alignment in one of them has threads of its own
 
     Returns
     -------
@@ -219,9 +229,18 @@ def grow_tracks(
             max_num_points=options.fill_up_to,
             rng=rng,
         )
-    templates = reference_templates(seeds.references, read_filtered, high_pass, options)
+    search = _Search(
+        cameras,
+        seeds,
+        None if extend else known,
+        high_pass,
+        read_image,
+        read_filtered,
+        read_mask,
+        options,
+    )
     # a reference view is its own measurement
-    usable = np.flatnonzero(templates.usable)
+    usable = np.flatnonzero(search.templates.usable)
     parts = [
         _Found(
             track=usable,
@@ -231,17 +250,10 @@ def grow_tracks(
             predicted=0,
         )
     ]
-    for i in range(len(cameras)):
-        pixels = read_image(i)
-        where = predict(
-            i, cameras, seeds.points, seeds.normals, seeds.references, pixels.shape[::-1], options
-        )
-        if not extend:
-            where = where.at(known.select(known.image_idx == i))
-        filtered = read_filtered(i, high_pass)
-        parts.append(_find_in(i, filtered, read_mask(i), where, templates, options))
+    for done, part in enumerate(parallel_map(search, range(len(cameras))), start=1):
+        parts.append(part)
         if progress is not None:
-            progress(i + 1, len(cameras))
+            progress(done, len(cameras))
     return _assembled(observations.num_images, parts, seeds.references, cameras, options, high_pass)
 
 
@@ -254,6 +266,40 @@ class _Found:
     xy: Float
     sigma: Float
     predicted: int
+
+
+class _Search:
+    """Looks for the points in one image after another.
+
+    Pickled for another process it makes the templates there, from the images: they are larger than
+    all that they are made of.
+    """
+
+    def __init__(
+        self,
+        cameras: OrthographicCameras,
+        seeds: Seeds,
+        known: Observations | None,
+        high_pass: float,
+        read_image: Callable[[int], Array],
+        read_filtered: Callable[[int, float], Array],
+        read_mask: Callable[[int], Bool | None],
+        options: GuidedOptions,
+    ) -> None:
+        self.given = cameras, seeds, known, high_pass, read_image, read_filtered, read_mask, options
+        self.templates = reference_templates(seeds.references, read_filtered, high_pass, options)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _Search, self.given
+
+    def __call__(self, i: int) -> _Found:
+        cameras, seeds, known, high_pass, read_image, read_filtered, read_mask, options = self.given
+        size = read_image(i).shape[::-1]
+        where = predict(i, cameras, seeds.points, seeds.normals, seeds.references, size, options)
+        if known is not None:
+            where = where.at(known.select(known.image_idx == i))
+        filtered = read_filtered(i, high_pass)
+        return _find_in(i, filtered, read_mask(i), where, self.templates, options)
 
 
 def _find_in(

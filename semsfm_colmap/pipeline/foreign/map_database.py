@@ -16,7 +16,7 @@ import numpy as np
 
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, UsageError
-from semsfm_colmap.pipeline.executor import Executor, ThreadExecutor
+from semsfm_colmap.pipeline.executor import Executor, open_executor
 from semsfm_colmap.pipeline.project import MODELS_LOCK_FILE, Project, locked_folder
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.sparse_models import MatchedSeries, map_series
@@ -83,13 +83,12 @@ def map_database(
             reporter.warn(warning)
         ids = [image.image_id for image in images]
         keypoints = [reader.xy(image_id) for image_id in ids]
-        matches = {
-            g.image_pair: g.keypoints[g.inlier]
-            for g in verify_database(
-                reader, ids, keypoints, config, reporter, ThreadExecutor(config.num_threads)
-            )
-            if g.F is not None
-        }
+        with open_executor(config, say=reporter.say) as executor:
+            matches = {
+                g.image_pair: g.keypoints[g.inlier]
+                for g in verify_database(reader, ids, keypoints, config, reporter, executor)
+                if g.F is not None
+            }
     # the model keeps every keypoint's number; those without a place have no matches by now
     keypoints = [np.nan_to_num(xy, posinf=0.0, neginf=0.0) for xy in keypoints]
     with locked_folder(output_path, MODELS_LOCK_FILE):
@@ -239,7 +238,7 @@ def verify_database(
     keypoints : (K, 2) px of each; matches of keypoints that are not finite are left out
 
     """
-    from semsfm_colmap.matching.verify import verify_pair
+    from semsfm_colmap.matching.verify import PairVerifier
 
     number = {image_id: i for i, image_id in enumerate(image_ids)}
     usable: list[Bool] = [np.asarray(np.isfinite(xy).all(axis=1)) for xy in keypoints]
@@ -254,21 +253,18 @@ def verify_database(
             "`colmap feature_extractor` and `colmap exhaustive_matcher`"
         )
 
-    def verify(pair: tuple[int, int]) -> AffineTwoViewGeometry:
-        i, j, rows = jobs[pair]
-        return verify_pair((i, j), keypoints[i], keypoints[j], rows, config.matching, config.seed)
-
+    verify = PairVerifier(keypoints=keypoints, options=config.matching, seed=config.seed)
     with reporter.progress("verifying pairs") as progress:
         num_verified = num_matches = 0
         for begin in range(0, len(pairs), PAIRS_IN_MEMORY):
             chunk = pairs[begin : begin + PAIRS_IN_MEMORY]
-            jobs = {}
+            jobs = []
             for a, b in chunk:
                 i, j = number[a], number[b]
                 rows = reader.matches((a, b), (len(keypoints[i]), len(keypoints[j]))).matches
                 rows = rows[usable[i][rows[:, 0]] & usable[j][rows[:, 1]]]
-                jobs[a, b] = (i, j, rows) if i < j else (j, i, rows[:, ::-1])
-            for geometry in executor.map(verify, chunk):
+                jobs.append(((i, j), rows) if i < j else ((j, i), rows[:, ::-1]))
+            for geometry in executor.map(verify, jobs):
                 num_verified += geometry.F is not None
                 num_matches += int(geometry.inlier.sum())
                 yield geometry

@@ -15,13 +15,14 @@ def run(on: StageRun) -> ExtractRecord:
     from semsfm_colmap.colmap.database.scratch import remove_database
     from semsfm_colmap.colmap.database.work import read_images, read_keypoints
     from semsfm_colmap.colmap.sift import extract_sift
+    from semsfm_colmap.colmap.sift_apart import extract_sift_apart
     from semsfm_colmap.pipeline.stages.orientation import try_project_orientations
     from semsfm_colmap.pipeline.stages.own_features import extract_own, is_own
 
     project = on.project
     series = project.read_series()
     options, trial = on.config.features, None
-    num_threads = on.executor.num_workers
+    num_threads = on.local.num_workers
     if options.upright is None and len(series.names) > 2:
         with on.reporter.progress("upright or turned") as progress:
             trial = try_project_orientations(
@@ -32,13 +33,17 @@ def run(on: StageRun) -> ExtractRecord:
         remove_database(project.database)
     with on.reporter.progress("features") as progress:
         if is_own(options):
-            extract_own(
-                project,
-                series,
+            extract_own(on, series, options, progress=progress)
+        elif not on.executor.shares_memory:
+            extract_sift_apart(
+                project.database,
+                project.images,
+                series.names,
+                [(frame.width_px, frame.height_px) for frame in series.frames],
                 options,
-                num_threads=num_threads,
-                progress=progress,
+                mask_path=project.masks_or_none,
                 parallel_map=on.executor.map,
+                progress=progress,
             )
         else:
             extract_sift(

@@ -46,7 +46,14 @@ def run(on: StageRun) -> MapRecord:
         on.reporter,
         sparse_path=project.sparse,
         image_path=project.images,
-        guide=guide_from_folders(project.images, project.masks_or_none, keypoints, config.guided),
+        guide=guide_from_folders(
+            project.images,
+            project.masks_or_none,
+            keypoints,
+            config.guided,
+            # threads of this process are those of the alignment itself
+            map if on.executor.shares_memory else on.executor.map,
+        ),
         write_guided=save,
     )
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from semsfm_colmap.config import Config
     from semsfm_colmap.pipeline.project import Project
-    from semsfm_colmap.types import AffineTwoViewGeometry, Float, Int, SemSeries
+    from semsfm_colmap.types import Float, Int, SemSeries
 
 
 def run(on: StageRun) -> MatchRecord:
@@ -72,13 +72,20 @@ def match_pairs(
 ) -> None:
     """Matches of descriptors, into the database."""
     from semsfm_colmap.colmap.sift import match_sift
+    from semsfm_colmap.colmap.sift_apart import match_sift_apart
     from semsfm_colmap.pipeline.stages.own_features import is_own, match_own
 
     config = on.config
     with on.reporter.progress("matching pairs") as progress:
         if is_own(config.features):
-            match_own(
-                on.project, names, pairs, config, progress=progress, parallel_map=on.executor.map
+            match_own(on, names, pairs, progress=progress)
+        elif not on.executor.shares_memory:
+            match_sift_apart(
+                on.project.database,
+                [(ids[i], ids[j]) for i, j in pairs],
+                max_ratio=config.matching.max_ratio,
+                parallel_map=on.executor.map,
+                progress=progress,
             )
         else:
             match_sift(
@@ -102,21 +109,16 @@ def verify_pairs(
         write_two_view_geometries,
     )
     from semsfm_colmap.matching.statistics import pair_statistics
-    from semsfm_colmap.matching.verify import verify_pair
+    from semsfm_colmap.matching.verify import PairVerifier
 
     stored = read_keypoints(on.project.database, ids)
     keypoints = [stored[image_id] for image_id in ids]
     raw = read_matches(on.project.database)
-    config = on.config
-
-    def verify(pair: tuple[int, int]) -> AffineTwoViewGeometry:
-        i, j = pair
-        rows = matches_of(raw, ids[i], ids[j])
-        return verify_pair(pair, keypoints[i], keypoints[j], rows, config.matching, config.seed)
-
+    verify = PairVerifier(keypoints=keypoints, options=on.config.matching, seed=on.config.seed)
+    jobs = (((i, j), matches_of(raw, ids[i], ids[j])) for i, j in pairs)
     geometries = []
     with on.reporter.progress("verifying pairs") as progress:
-        for geometry in on.executor.map(verify, pairs):
+        for geometry in on.executor.map(verify, jobs):
             geometries.append(geometry)
             progress(len(geometries), len(pairs))
     write_two_view_geometries(

@@ -24,9 +24,7 @@ def run(on: StageRun) -> ReportRecord:
     project = on.project
     inputs = gather_inputs(project, on.record, config=on.config)
     with on.reporter.progress("report") as progress:
-        metrics = write_report(
-            inputs, project.report, parallel_map=on.executor.map, progress=progress
-        )
+        metrics = write_report(inputs, project.report, parallel_map=on.local.map, progress=progress)
     on.reporter.say(f"report: {project.report / 'report.html'}")
     return ReportRecord(num_metrics=len(metrics_json(metrics)))
 

@@ -114,21 +114,10 @@ def gathered(
     images = np.array(sorted(position), dtype=np.int64)
     if len(images) == 0:
         raise InputError("There are no depth maps to fuse: run the densify step first.")
-    required = min(options.min_consistent_maps, max(1, len(images) - 1))
-    load = lru_cache(maxsize=_NUM_CACHED)(lambda idx: depth_maps[position[idx]])
-
-    def job(image_idx: int) -> Float:
-        depth_map = load(image_idx)
-        width, height = (int(v) for v in reconstruction.image_size_px[image_idx])
-        name = reconstruction.image_names[image_idx]
-        longest = max(depth_map.depth.shape)
-        drift = drift_of(reconstruction.drift_px, image_idx)
-        grey = read_raster(Path(image_path), None, name, longest, (width, height), drift).grey
-        return _points(depth_map, image_idx, images, load, reconstruction, grey, required, options)
-
+    job = _Job(depth_maps, position, reconstruction, Path(image_path), options)
     first = int(images[0])
     size = reconstruction.image_size_px[first]
-    unit = depth_map_unit(reconstruction.cameras, first, size, load(first))
+    unit = depth_map_unit(reconstruction.cameras, first, size, job.load(first))
     grid = CloudGrid(options.spacing_px * unit)
     for done, rows in enumerate(parallel_map(job, images.tolist())):
         grid.add(rows)
@@ -136,6 +125,48 @@ def gathered(
             progress(done + 1, len(images))
     cloud, weight = grid.cloud()
     return Gathered(cloud=cloud, weight=weight, spacing=grid.size)
+
+
+class _Job:
+    """The accepted points of one map after another.
+
+    Pickled for another process it reads its maps there, where they are those of a folder.
+    """
+
+    def __init__(
+        self,
+        depth_maps: Sequence[DepthMap],
+        position: dict[int, int],
+        reconstruction: Reconstruction,
+        image_path: Path,
+        options: SurfaceOptions,
+    ) -> None:
+        self.given = depth_maps, position, reconstruction, image_path, options
+        self.images = np.array(sorted(position), dtype=np.int64)
+        self.required = min(options.min_consistent_maps, max(1, len(position) - 1))
+        self.load = lru_cache(maxsize=_NUM_CACHED)(lambda idx: depth_maps[position[idx]])
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _Job, self.given
+
+    def __call__(self, image_idx: int) -> Float:
+        _, _, reconstruction, image_path, options = self.given
+        depth_map = self.load(image_idx)
+        width, height = (int(v) for v in reconstruction.image_size_px[image_idx])
+        name = reconstruction.image_names[image_idx]
+        longest = max(depth_map.depth.shape)
+        drift = drift_of(reconstruction.drift_px, image_idx)
+        grey = read_raster(image_path, None, name, longest, (width, height), drift).grey
+        return _points(
+            depth_map,
+            image_idx,
+            self.images,
+            self.load,
+            reconstruction,
+            grey,
+            self.required,
+            options,
+        )
 
 
 def _names(depth_maps: Sequence[DepthMap]) -> list[str]:

@@ -62,28 +62,49 @@ def sweep_depth_maps(
 
     """
     num_at_a_time = max(1, min(num_at_a_time, _MAX_AT_A_TIME, len(references)))
-    num_cached = num_at_a_time * (options.num_neighbors + 1)
-    full = options.max_depth_map_size_px
-    readers = [
-        raster_reader(
-            image_path,
-            mask_path,
-            reconstruction.image_names,
-            reconstruction.image_size_px,
-            size,
-            num_cached,
-            reconstruction.drift_px,
-        )
-        for size in (full // 2, full)
-    ]
-    light = light_of(reconstruction, readers[0])
-    room = BoundedSemaphore(_MAX_AT_A_TIME)
-
-    def job(reference: int) -> DepthMap:
-        with room:
-            return sweep_depth_map(reconstruction, reference, readers, light, options)
-
+    job = _Sweep(reconstruction, image_path, mask_path, options, num_at_a_time)
     return parallel_map(job, references.tolist())
+
+
+class _Sweep:
+    """`sweep_depth_map` with what the maps of a series have in common.
+
+    Pickled for another process it reads its images there.
+    """
+
+    def __init__(
+        self,
+        reconstruction: Reconstruction,
+        image_path: Path,
+        mask_path: Path | None,
+        options: SurfaceOptions,
+        num_at_a_time: int,
+        light: Float | None = None,
+    ) -> None:
+        self.given = reconstruction, image_path, mask_path, options, num_at_a_time
+        full = options.max_depth_map_size_px
+        self.readers = [
+            raster_reader(
+                image_path,
+                mask_path,
+                reconstruction.image_names,
+                reconstruction.image_size_px,
+                size,
+                num_at_a_time * (options.num_neighbors + 1),
+                reconstruction.drift_px,
+            )
+            for size in (full // 2, full)
+        ]
+        self.light = light_of(reconstruction, self.readers[0]) if light is None else light
+        self.room = BoundedSemaphore(_MAX_AT_A_TIME)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _Sweep, (*self.given, self.light)
+
+    def __call__(self, reference: int) -> DepthMap:
+        reconstruction, _, _, options, _ = self.given
+        with self.room:
+            return sweep_depth_map(reconstruction, reference, self.readers, self.light, options)
 
 
 def sweep_depth_map(

@@ -11,6 +11,7 @@ from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.matching.guided.predict import References, frontal_references, predict
 from semsfm_colmap.types import Observations, OrthographicCameras
 from tests.matching.guided.test_align import texture
+from tests.pickled import pickled_map
 
 NUM_IMAGES, SIZE = 7, 260
 
@@ -149,6 +150,17 @@ def test_tracks_grow_over_all_images_and_become_finer(field):
         X, *_ = np.linalg.lstsq(A, b, rcond=None)
         spread.append(np.abs(A @ X - b).mean())
     assert np.median(spread) < 0.06
+
+
+def test_images_searched_in_other_processes_give_the_same_tracks(field):
+    cams, images = field
+    _, obs = start(cams)
+    here, there = (
+        grow_tracks(cams, obs, lambda i: images[i], GuidedOptions(), parallel_map=spread)
+        for spread in (map, pickled_map)
+    )
+    np.testing.assert_array_equal(here.observations.xy, there.observations.xy)
+    np.testing.assert_array_equal(here.sigma_px, there.sigma_px)
 
 
 def test_without_extension_only_known_observations_are_aligned(field):

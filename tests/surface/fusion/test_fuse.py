@@ -14,6 +14,7 @@ from semsfm_colmap.surface.files import DepthMapFolder, write_depth_map
 from semsfm_colmap.surface.fusion.fuse import fuse
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.types import Array, DepthMap, Reconstruction
+from tests.pickled import pickled_map
 from tests.surface.scene import (
     RADIUS,
     SCALE,
@@ -86,6 +87,15 @@ def test_maps_read_from_a_folder_give_the_same_cloud(
         progress=lambda done, _: steps.append(done),
     )
     np.testing.assert_allclose(lazy.points, fuse(some, reconstruction, folder, OPTIONS).points)
+    elsewhere = fuse(
+        DepthMapFolder(tmp_path, [m.image_name for m in some]),
+        reconstruction,
+        folder,
+        OPTIONS,
+        parallel_map=pickled_map,
+    )
+    np.testing.assert_array_equal(elsewhere.points, lazy.points)
+    np.testing.assert_array_equal(elsewhere.sigma, lazy.sigma)
     assert steps == [1, 2, 3, 4, 5]
 
 

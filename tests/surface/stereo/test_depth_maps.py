@@ -14,6 +14,7 @@ from semsfm_colmap.surface.stereo import depth_maps
 from semsfm_colmap.surface.stereo.depth_maps import sweep_depth_maps
 from semsfm_colmap.surface.stereo.views import choose_references
 from semsfm_colmap.types import OrthographicCameras, Reconstruction
+from tests.pickled import pickled_map
 from tests.surface.scene import (
     HEIGHT,
     SCALE,
@@ -113,8 +114,11 @@ def test_maps_come_in_order_and_do_not_depend_on_who_computes_them(
             )
         )
     assert [m.image_name for m in maps] == list(reconstruction.image_names)
-    (alone,) = sweep_depth_maps(reconstruction, np.array([5]), folder, None, OPTIONS)
-    np.testing.assert_array_equal(maps[5].depth, alone.depth)
+    (elsewhere,) = sweep_depth_maps(
+        reconstruction, np.array([5]), folder, None, OPTIONS, parallel_map=pickled_map
+    )
+    np.testing.assert_array_equal(maps[5].depth, elsewhere.depth)
+    np.testing.assert_array_equal(maps[5].sigma, elsewhere.sigma)
 
 
 def test_a_map_is_made_when_it_is_asked_for(
