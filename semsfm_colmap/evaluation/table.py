@@ -62,6 +62,10 @@ HANDS = {
 }
 
 
+MOST_TOLD = 0.99
+"""A confidence in the hand is calibrated no finer (docs/depth_reversal.md)."""
+
+
 def format_evaluation(figures: Mapping[str, Any]) -> str:
     """The figures of `evaluate` as a table for a terminal; what was not computed is left out."""
     lines = [
@@ -84,7 +88,9 @@ def _stated(figures: Mapping[str, Any]) -> str:
     """What the reconstruction itself said of its hand."""
     if figures["depth_sign_status"] != "resolved":
         return "the reconstruction leaves it open"
-    return f"the reconstruction is {figures['depth_sign_confidence']:.0%} sure of its own"
+    confidence = figures["depth_sign_confidence"]
+    told = "above 99%" if confidence > MOST_TOLD else f"{confidence:.0%}"
+    return f"the reconstruction is {told} sure of its own"
 
 
 def _aligned(value: str) -> str:
