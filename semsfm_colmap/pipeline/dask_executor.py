@@ -42,10 +42,12 @@ ONE_THREAD = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
-    "NUMBA_NUM_THREADS": "1",
     "OPENCV_FOR_THREADS_NUM": "1",
 }
-"""The environment of our own workers: there are as many of them as threads are wanted."""
+"""The environment that our own workers begin in: there are as many of them as threads are wanted.
+It is this process's too while they are started, which numba would take notice of."""
+ONE_KERNEL_THREAD = {"NUMBA_NUM_THREADS": "1"}
+"""What they set themselves, before anything of ours is loaded."""
 
 
 @dataclass(eq=False)
@@ -143,8 +145,10 @@ class DaskExecutor:
         import dask
         from distributed import LocalCluster
 
-        environment = dask.config.get("distributed.nanny.pre-spawn-environ", {})
-        setting = {"distributed.nanny.pre-spawn-environ": {**environment, **ONE_THREAD}}
+        setting = {
+            f"distributed.nanny.{key}": {**dask.config.get(f"distributed.nanny.{key}", {}), **more}
+            for key, more in (("pre-spawn-environ", ONE_THREAD), ("environ", ONE_KERNEL_THREAD))
+        }
         with dask.config.set(setting):
             return LocalCluster(
                 n_workers=self.num_processes,

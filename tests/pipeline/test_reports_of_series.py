@@ -20,9 +20,9 @@ SERIES = {
     "pollen": "synth_pollen/images",
     "spore": "synth_spore/images",
 }
-MAX_NUM_IMAGES = 16
+MAX_NUM_IMAGES = 8
 """Of a long series its beginning is looked at."""
-SCREENS = [(1400, False), (900, True), (400, True)]
+SCREENS = [(1400, False), (400, True)]
 ENDINGS = (".jpg", ".png", ".tif")
 SWITCHES = "#images input[type=checkbox], #images input[type=radio], #pairs input"
 USED = """(selector) => {
