@@ -6,50 +6,34 @@ report wants to show. COLMAP and pycolmap pass over tables that they do not know
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterable, Sequence
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 
-from semsfm_colmap.colmap.database.checks import check_writable, database_sentence
+from semsfm_colmap.colmap.database.side_tables import read_rows, replace_rows
 from semsfm_colmap.colmap.database.work import ImagePair
-from semsfm_colmap.errors import InputError
 from semsfm_colmap.types import AffineTwoViewGeometry, Array, Int
 
 TABLE = "semsfm_match_steps"
+SCHEMA = (
+    "image_id1 INTEGER NOT NULL, image_id2 INTEGER NOT NULL, steps BLOB, "
+    "PRIMARY KEY (image_id1, image_id2)"
+)
 
 
 def write_match_steps(path: Path, steps: Iterable[tuple[ImagePair, Array]]) -> None:
     """Replace the steps of all pairs: the smaller id first, a byte for each row of its matches."""
-    check_writable(path)
     rows = [(*sorted(pair), np.asarray(step, dtype=np.uint8).tobytes()) for pair, step in steps]
-    try:
-        with closing(sqlite3.connect(path)) as db, db:
-            db.execute(
-                f"CREATE TABLE IF NOT EXISTS {TABLE} (image_id1 INTEGER NOT NULL, "
-                "image_id2 INTEGER NOT NULL, steps BLOB, PRIMARY KEY (image_id1, image_id2))"
-            )
-            db.execute(f"DELETE FROM {TABLE}")
-            db.executemany(f"INSERT INTO {TABLE} VALUES (?, ?, ?)", rows)
-    except sqlite3.Error as error:
-        raise InputError(database_sentence(path, error)) from error
+    replace_rows(path, TABLE, SCHEMA, rows)
 
 
 def read_match_steps(path: Path) -> dict[ImagePair, Int]:
     """The steps by pair of image ids, (L,) each; none from a database that has none."""
-    try:
-        with closing(sqlite3.connect(path)) as db:
-            known = db.execute("SELECT 1 FROM sqlite_master WHERE name = ?", (TABLE,)).fetchone()
-            if known is None:
-                return {}
-            return {
-                (a, b): np.frombuffer(data, dtype=np.uint8).astype(np.int64)
-                for a, b, data in db.execute(f"SELECT image_id1, image_id2, steps FROM {TABLE}")
-            }
-    except sqlite3.Error as error:
-        raise InputError(database_sentence(path, error)) from error
+    return {
+        (a, b): np.frombuffer(data, dtype=np.uint8).astype(np.int64)
+        for a, b, data in read_rows(path, TABLE) or ()
+    }
 
 
 def stored_steps(
