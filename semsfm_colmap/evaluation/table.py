@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from semsfm_colmap.types import MOST_TOLD_CONFIDENCE
+
 Row = tuple[str, str, str]
 """label, key, format"""
 
@@ -62,10 +64,6 @@ HANDS = {
 }
 
 
-MOST_TOLD = 0.99
-"""A confidence in the hand is calibrated no finer (docs/depth_reversal.md)."""
-
-
 def format_evaluation(figures: Mapping[str, Any]) -> str:
     """The figures of `evaluate` as a table for a terminal; what was not computed is left out."""
     lines = [
@@ -89,7 +87,7 @@ def _stated(figures: Mapping[str, Any]) -> str:
     if figures["depth_sign_status"] != "resolved":
         return "the reconstruction leaves it open"
     confidence = figures["depth_sign_confidence"]
-    told = "above 99%" if confidence > MOST_TOLD else f"{confidence:.0%}"
+    told = "above 99%" if confidence > MOST_TOLD_CONFIDENCE else f"{confidence:.0%}"
     return f"the reconstruction is {told} sure of its own"
 
 

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from semsfm_colmap.types import MOST_TOLD_CONFIDENCE
+
 MAX_NAMES = 6
 """Names listed in a sentence before the rest are counted."""
 PLAIN_RANGE = (1e-4, 1e9)
@@ -70,11 +72,6 @@ def percent(fraction: float | None, digits: int = 1) -> str:
     return f"{shown:.{digits}f}{THIN_SPACE}%"
 
 
-SURE = 0.99
-"""No confidence above this was checked finely: 81 of 81 simulated scenes, and 294 of 294 with a
-known tilt, had the hand that was claimed with more (docs/depth_reversal.md)."""
-
-
 def confidence(probability: float) -> str:
     """A probability as finely as it is calibrated: whole percents, and ``above 99 %``.
 
@@ -84,9 +81,9 @@ def confidence(probability: float) -> str:
     ['50 %', '96 %', 'above 99 %']
 
     """
-    if probability > SURE:
+    if probability > MOST_TOLD_CONFIDENCE:
         return f"above 99{THIN_SPACE}%"
-    if probability < 1.0 - SURE:
+    if probability < 1.0 - MOST_TOLD_CONFIDENCE:
         return f"below 1{THIN_SPACE}%"
     return f"{100.0 * probability:.0f}{THIN_SPACE}%"
 

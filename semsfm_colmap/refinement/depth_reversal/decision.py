@@ -16,13 +16,11 @@ from semsfm_colmap.refinement.depth_reversal.cue import (
     MAX_LOGIT,
     Cue,
 )
-from semsfm_colmap.types import DepthSign, Float, OrthographicCameras
+from semsfm_colmap.types import MOST_TOLD_CONFIDENCE, DepthSign, Float, OrthographicCameras
 
 DepthSignWord = Literal["auto", "as_is", "reversed"]
 """auto: the evidence decides, and both models are written where it does not; as_is: the user has
 looked and the model that auto puts first is right; reversed: it is the other one."""
-
-MOST_TOLD = 0.99
 
 
 def reverse_depth(cameras: OrthographicCameras, points: Float) -> tuple[OrthographicCameras, Float]:
@@ -33,10 +31,10 @@ def reverse_depth(cameras: OrthographicCameras, points: Float) -> tuple[Orthogra
 
 def told(probability: float) -> str:
     """As finely as it is calibrated: two digits, and no certainty (docs/depth_reversal.md)."""
-    if probability > MOST_TOLD:
-        return f"above {MOST_TOLD}"
-    if probability < 1.0 - MOST_TOLD:
-        return f"below {1.0 - MOST_TOLD:.2f}"
+    if probability > MOST_TOLD_CONFIDENCE:
+        return f"above {MOST_TOLD_CONFIDENCE}"
+    if probability < 1.0 - MOST_TOLD_CONFIDENCE:
+        return f"below {1.0 - MOST_TOLD_CONFIDENCE:.2f}"
     return f"{probability:.2f}"
 
 
