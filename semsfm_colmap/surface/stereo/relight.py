@@ -112,6 +112,8 @@ def gain_of_relief(level: Level, plane: Array, normals: Array, change: Float) ->
     """
     import cv2
 
+    if not change.any():  # a series without a law
+        return 0.0
     height, width = level.grey.shape
     some = np.s_[::_SAMPLING_PX, ::_SAMPLING_PX]
     v, u = (np.mgrid[:height, :width] + np.float32(0.5))[:, *some]
