@@ -28,7 +28,7 @@ class Arguments:
     to: str = "tif"
     """Formats of the difference, by commas: x3p, sdf, gsf, gwy, tif, xyz."""
     region: tuple[float, float, float, float] | None = None
-    """x0 y0 x1 y1 in px of an image of the earlier project: what is seen there alone."""
+    """x0 y0 x1 y1 in px of an original image of the earlier project: what is seen there alone."""
     region_image: str | None = None
     """Name of that image; default: the first one of the model."""
     free_scale: bool = False

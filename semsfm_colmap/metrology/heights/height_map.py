@@ -185,7 +185,7 @@ def check_overhang(found: HeightMap) -> None:
         raise InputError(
             f"{100 * share:.0f} % of the surface lies above other parts of it: a closed or "
             "overhanging body has no height map; choose a part that is seen from one side with "
-            "--region x0 y0 x1 y1 (px of an image)."
+            "--region x0 y0 x1 y1 (px of an original image)."
         )
 
 
