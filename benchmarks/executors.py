@@ -35,7 +35,7 @@ HEAD = ("", "start", *NAMES, "all but start", "all")
 
 def introduce_libraries(number: int) -> int:
     """Work that is none, in a worker that has loaded what the stages need."""
-    import semsfm_colmap.colmap.sift_apart
+    import semsfm_colmap.features.opencv_sift
     import semsfm_colmap.surface.fusion.fuse
     import semsfm_colmap.surface.stereo.depth_maps  # noqa: F401
 

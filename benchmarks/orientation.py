@@ -53,7 +53,7 @@ def measure(series: Path, step: int, images: Path, work: Path) -> list[list[Any]
                 rotation = f"{figures['rotation_error_median_deg']:.3f} deg"
         except SemSfmError as error:
             print(f"{series.name}: {error}", flush=True)
-        trial = trial or try_project_orientations(project, project.read_series(), num_threads=2)
+        trial = trial or try_project_orientations(project, project.read_series())
         matched = RunRecord.read(project.record).result("match", MatchRecord)
         pairs = () if matched is None else matched.pairs
         rows.append(

@@ -31,15 +31,26 @@ RENAMED_VALUES = {("surface", "method", "ball_pivoting"): "ball-pivoting"}
 class FeatureOptions(SiftOptions):
     """Detector and descriptor; `max_num_features` and `upright` hold for all of them."""
 
-    detector: str = "sift"
-    """sift is COLMAP's, with its own descriptor. Or harris-laplace, hessian-laplace,
+    detector: str = "opencv-sift"
+    """opencv-sift or sift, which is COLMAP's, both with a descriptor of their own and at the same
+    thresholds; adapted shapes and pooling are COLMAP's only. Or harris-laplace, hessian-laplace,
     harris-hessian-laplace, edge-laplace, harris-affine, hessian-affine, harris-hessian-affine, or a
     union of these such as harris-laplace+edge-laplace; affine ones, upright, bear wide steps. In
     unions COLMAP's keypoints are colmap-sift, colmap-sift-affine, colmap-sift-pooled."""
     descriptor: str = "rootsift"
-    """Of all detectors but sift: sift, rootsift, gloh, pca-sift, cc, steerable, differential,
+    """Of all other detectors: sift, rootsift, gloh, pca-sift, cc, steerable, differential,
     moments, shape-context. The first two fit COLMAP's descriptor table, the others leave their
     matches only."""
+
+    def __post_init__(self) -> None:
+        """Refuse options of COLMAP's SIFT beside another."""
+        if self.detector == "opencv-sift" and (
+            self.estimate_affine_shape or self.domain_size_pooling
+        ):
+            raise UsageError(
+                "estimate_affine_shape and domain_size_pooling are of COLMAP's SIFT: give "
+                "--features.detector sift with them"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class SiftOptions:
-    """COLMAP's SIFT on the CPU."""
+    """SIFT on the CPU; adapted shapes and pooling are COLMAP's only."""
 
     max_num_features: int = 8192
     """Most keypoints of an image."""

@@ -1,17 +1,14 @@
-"""COLMAP's SIFT and its matcher on the CPU, into the database, resumable image by image."""
+"""COLMAP's SIFT on the CPU, into the database, resumable image by image."""
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from semsfm_colmap.colmap.database.images import register_images
-from semsfm_colmap.colmap.database.scratch import copy_features, copy_matches, scratch_database
+from semsfm_colmap.colmap.database.scratch import copy_features, scratch_database
 from semsfm_colmap.colmap.database.work import (
-    ImagePair,
     images_without_features,
-    pairs_without_matches,
     read_images,
 )
 from semsfm_colmap.colmap.library import pycolmap
@@ -21,8 +18,6 @@ Progress = Callable[[int, int], None]
 
 EXTRACT_CHUNK = 8
 """Images between two progress reports."""
-MATCH_CHUNK = 60
-"""Pairs between two progress reports."""
 
 
 def extraction_options(options: SiftOptions, num_threads: int) -> object:
@@ -90,67 +85,3 @@ def extract_sift(
             done += len(chunk)
             if progress is not None:
                 progress(done, len(names))
-
-
-def match_sift(
-    database_path: Path,
-    pairs: Sequence[ImagePair],
-    *,
-    max_ratio: float,
-    num_threads: int = -1,
-    progress: Progress | None = None,
-) -> None:
-    """Match the descriptors of the pairs that have no matches yet, without verification."""
-    todo = pairs_without_matches(database_path, pairs)
-    done = len(pairs) - len(todo)
-    if not todo:
-        return
-    ids = sorted({image_id for pair in todo for image_id in pair})
-    number = {image_id: n for n, image_id in enumerate(ids, start=1)}
-    with (
-        scratch_database(database_path) as scratch,
-        tempfile.TemporaryDirectory(prefix="semsfm-") as folder,
-    ):
-        # plain names, because COLMAP's list of pairs is split at spaces; sizes do not matter here
-        register_images(scratch, [f"{n}.png" for n in number.values()], [(1, 1)] * len(ids))
-        copy_features(database_path, scratch, number)
-        list_path = Path(folder) / "pairs.txt"
-        for begin in range(0, len(todo), MATCH_CHUNK):
-            chunk = [(number[a], number[b]) for a, b in todo[begin : begin + MATCH_CHUNK]]
-            match_listed(scratch, chunk, list_path, max_ratio=max_ratio, num_threads=num_threads)
-            copy_matches(scratch, database_path, chunk, ids)
-            done += len(chunk)
-            if progress is not None:
-                progress(done, len(pairs))
-
-
-def match_listed(
-    scratch: Path,
-    pairs: Sequence[tuple[int, int]],
-    list_path: Path,
-    *,
-    max_ratio: float,
-    num_threads: int,
-) -> None:
-    """Match pairs of a database of our own, whose images are called ``<number>.png``.
-
-    Parameters
-    ----------
-    pairs : numbers
-    list_path : a file to write for COLMAP
-
-    """
-    matching = pycolmap.FeatureMatchingOptions()
-    matching.use_gpu = False
-    matching.num_threads = num_threads
-    matching.skip_geometric_verification = True
-    matching.sift.max_ratio = max_ratio
-    list_path.write_text("".join(f"{a}.png {b}.png\n" for a, b in pairs), encoding="utf-8")
-    pairing = pycolmap.ImportedPairingOptions()
-    pairing.match_list_path = str(list_path)
-    pycolmap.match_image_pairs(
-        str(scratch),
-        matching_options=matching,
-        pairing_options=pairing,
-        device=pycolmap.Device.cpu,
-    )

@@ -21,9 +21,8 @@ class MatchingOptions:
     max_ratio: float = 0.8
     """Lowe's ratio of the best to the second best descriptor distance."""
     exclusion_px: float = 2.0
-    """In our own search a second best within this distance of the best shows the same spot, at
-    another scale or orientation, and is no rival in the ratio; below 0 every other is. COLMAP's
-    matcher, which serves its SIFT, knows no such rule."""
+    """A second best within this distance of the best shows the same spot, at another scale or
+    orientation, and is no rival in the ratio; below 0 every other is."""
     max_error_px: float = 2.0
     """Distance to the affine epipolar constraint up to which a match is an inlier."""
     ransac_trials: int = 500

@@ -7,14 +7,14 @@ is copied into the working one, where a lock is waited for and then is a sentenc
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from semsfm_colmap.colmap.database.reader import ImagePair, read_database
-from semsfm_colmap.colmap.database.work import write_features, write_matches
+from semsfm_colmap.colmap.database.reader import read_database
+from semsfm_colmap.colmap.database.work import write_features
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.atomic import file_aside
 
@@ -63,24 +63,3 @@ def copy_features(source: Path, target: Path, id_of: Mapping[int, int]) -> None:
                     "can be matched; run `semsfm extract --force`"
                 )
             write_features(target, target_id, keypoints, descriptors or NO_SIFT)
-
-
-def copy_matches(
-    source: Path, target: Path, pairs: Sequence[ImagePair], target_ids: Sequence[int]
-) -> None:
-    """Raw matches of pairs, in one transaction; a pair without any is recorded as done.
-
-    Parameters
-    ----------
-    pairs : numbers from 1 of the images in `source`
-    target_ids : the id in `target` of each
-
-    """
-    found = {}
-    with read_database(source) as reader:
-        for a, b in pairs:
-            low, high = min(a, b), max(a, b)
-            rows = reader.raw_matches((low, high))
-            pair = target_ids[low - 1], target_ids[high - 1]
-            found[pair] = rows
-    write_matches(target, found)

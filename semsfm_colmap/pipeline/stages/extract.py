@@ -26,7 +26,7 @@ def run(on: StageRun) -> ExtractRecord:
     if options.upright is None and len(series.names) > 2:
         with on.reporter.progress("upright or turned") as progress:
             trial = try_project_orientations(
-                project, series, num_threads=num_threads, seed=on.config.seed, progress=progress
+                project, series, seed=on.config.seed, progress=progress
             )
         options = replace(options, upright=trial.upright)
     if on.fresh:

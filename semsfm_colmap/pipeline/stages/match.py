@@ -20,6 +20,7 @@ def run(on: StageRun) -> MatchRecord:
     """Match the pairs that have no matches yet, then verify all."""
     from semsfm_colmap.colmap.database.work import clear_matches, read_images
     from semsfm_colmap.matching.pairs import pairs_around, select_pairs_of_series
+    from semsfm_colmap.pipeline.stages.matches import match_pairs
 
     project, series = on.project, on.project.read_series()
     names = series.names
@@ -31,7 +32,8 @@ def run(on: StageRun) -> MatchRecord:
     pairs = select_pairs_of_series(series.series_idx, on.config.matching, angle)
     if angle is not None:
         on.reporter.say("pairs: neighbours by the displacements recorded")
-    match_pairs(on, names, ids, pairs)
+    with on.reporter.progress("matching pairs") as progress:
+        match_pairs(on, names, pairs, progress=progress)
     found = verify_pairs(on, names, ids, pairs)
     number = {name: k for k, name in enumerate(names)}
     verified = [
@@ -40,7 +42,8 @@ def run(on: StageRun) -> MatchRecord:
     more = sorted(set(pairs_around(verified, series.series_idx)) - set(pairs))
     if not more:
         return found
-    match_pairs(on, names, ids, more)
+    with on.reporter.progress("matching pairs") as progress:
+        match_pairs(on, names, more, progress=progress)
     return verify_pairs(on, names, ids, sorted({*pairs, *more}))
 
 
@@ -65,36 +68,6 @@ def files_of_order(project: Project, config: Config) -> Sequence[Path]:
     if not project.series.is_file() or predicted_rotation(project.read_series()) is None:
         return ()
     return (project.series,)
-
-
-def match_pairs(
-    on: StageRun, names: Sequence[str], ids: Sequence[int], pairs: Sequence[tuple[int, int]]
-) -> None:
-    """Matches of descriptors, into the database."""
-    from semsfm_colmap.colmap.sift import match_sift
-    from semsfm_colmap.colmap.sift_apart import match_sift_apart
-    from semsfm_colmap.pipeline.stages.own_features import is_own, match_own
-
-    config = on.config
-    with on.reporter.progress("matching pairs") as progress:
-        if is_own(config.features):
-            match_own(on, names, pairs, progress=progress)
-        elif not on.executor.shares_memory:
-            match_sift_apart(
-                on.project.database,
-                [(ids[i], ids[j]) for i, j in pairs],
-                max_ratio=config.matching.max_ratio,
-                parallel_map=on.executor.map,
-                progress=progress,
-            )
-        else:
-            match_sift(
-                on.project.database,
-                [(ids[i], ids[j]) for i, j in pairs],
-                max_ratio=config.matching.max_ratio,
-                num_threads=on.executor.num_workers,
-                progress=progress,
-            )
 
 
 def verify_pairs(

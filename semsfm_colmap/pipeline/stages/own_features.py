@@ -1,16 +1,14 @@
-"""The detectors and descriptors of `features/` in a project: into the database, and matched."""
+"""The detectors and descriptors of `features/` in a project: into the database."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-
-import numpy as np
 
 from semsfm_colmap.config import FeatureOptions
 from semsfm_colmap.features.external import external_regions
+from semsfm_colmap.features.opencv_sift import opencv_sift
 from semsfm_colmap.features.options import DetectorOptions
 from semsfm_colmap.features.regions import Regions
 from semsfm_colmap.features.registry import (
@@ -22,19 +20,21 @@ from semsfm_colmap.features.registry import (
 )
 from semsfm_colmap.io.grey import read_grey, read_mask
 from semsfm_colmap.pipeline.stage import StageRun
-from semsfm_colmap.types import Array, Features, Float, Int, ParallelMap, SemSeries
+from semsfm_colmap.types import Array, Bool, Features, SemSeries
 
 Progress = Callable[[int, int], None]
 COLMAP_SIFT = "sift"
 """The detector that is COLMAP's own."""
+OPENCV_SIFT = "opencv-sift"
+"""The detector that is OpenCV's, with its descriptor."""
 CHUNK = 8
 """Images whose COLMAP keypoints are found together."""
 
 
 def is_own(options: FeatureOptions) -> bool:
-    """True for a detector of ours; unknown names are refused."""
-    if options.detector == COLMAP_SIFT:
-        return False
+    """False for COLMAP's SIFT; unknown names are refused."""
+    if options.detector in (COLMAP_SIFT, OPENCV_SIFT):
+        return options.detector == OPENCV_SIFT
     detector_parts(options.detector)
     descriptor_entry(options.descriptor)
     return True
@@ -42,12 +42,27 @@ def is_own(options: FeatureOptions) -> bool:
 
 def fits_colmap(options: FeatureOptions) -> bool:
     """True when the descriptors can stand in COLMAP's table."""
-    return not is_own(options) or descriptor_entry(options.descriptor).colmap
+    if not is_own(options) or options.detector == OPENCV_SIFT:
+        return True
+    return descriptor_entry(options.descriptor).colmap
 
 
 def detector_options(options: FeatureOptions) -> DetectorOptions:
     """What all detectors have in common."""
     return DetectorOptions(max_num_features=options.max_num_features, upright=bool(options.upright))
+
+
+def sift_of(pixels: Array, mask: Bool | None, options: FeatureOptions) -> Features:
+    """OpenCV's SIFT of an image as the options want it."""
+    return opencv_sift(
+        pixels,
+        mask,
+        max_num_features=options.max_num_features,
+        first_octave=options.first_octave,
+        peak_threshold=options.peak_threshold,
+        edge_threshold=options.edge_threshold,
+        upright=bool(options.upright),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,39 +76,15 @@ class FindOwn:
     def __call__(self, image: tuple[str, dict[str, Regions]]) -> Features:
         """Features of an image, given its name and what other programs have found in it."""
         name, external = image
+        pixels, mask = read_grey(self.image_path / name), read_mask(self.mask_path, name)
+        if self.options.detector == OPENCV_SIFT:
+            return sift_of(pixels, mask, self.options)
         detection = detector_options(self.options)
-        prepared = prepare(
-            read_grey(self.image_path / name), read_mask(self.mask_path, name), detection
-        )
+        prepared = prepare(pixels, mask, detection)
         found = detect(self.options.detector, prepared, detection, external=external)
         if not fits_colmap(self.options):
             return found
         return describe(self.options.descriptor, prepared, found)
-
-
-@dataclass(frozen=True, kw_only=True)
-class MatchOwn:
-    """Matches the descriptors of a pair, in whatever process."""
-
-    max_ratio: float
-    exclusion_px: float
-    parallel_map: ParallelMap
-    """over the parts of a pair's distances"""
-
-    def __call__(self, pair: tuple[tuple[Float, Array], tuple[Float, Array]]) -> Int:
-        """Matches (L, 2) of two images, given places (K, 2) and descriptors (K, D) of each."""
-        from semsfm_colmap.matching.nearest import match_nearest
-
-        (xy1, values1), (xy2, values2) = pair
-        return match_nearest(
-            values1,
-            values2,
-            max_ratio=self.max_ratio,
-            parallel_map=self.parallel_map,
-            xy1=xy1,
-            xy2=xy2,
-            exclusion_px=self.exclusion_px,
-        ).keypoints
 
 
 def extract_own(
@@ -141,7 +132,9 @@ def extract_own(
                 num_threads=on.local.num_workers,
             )
 
-        external = external_regions(options.detector, len(chunk), find)
+        external: Sequence[dict[str, Regions]] = [{}] * len(chunk)
+        if options.detector != OPENCV_SIFT:
+            external = external_regions(options.detector, len(chunk), find)
         found_in = on.executor.map(features_of, zip(chunk, external, strict=True))
         for name, found in zip(chunk, found_in, strict=True):
             descriptors = None
@@ -150,61 +143,3 @@ def extract_own(
             write_features(project.database, ids[name], rows_of_features(found), descriptors)
             done += 1
             progress(done, len(series.names))
-
-
-def match_own(
-    on: StageRun, names: Sequence[str], pairs: Sequence[tuple[int, int]], *, progress: Progress
-) -> None:
-    """Mutual nearest neighbours with ratio by exact search, pair by pair into the database.
-
-    Descriptors come from the database, or are computed again where they do not fit it. Threads of
-    this process work on one pair together, other processes on a pair each.
-
-    Parameters
-    ----------
-    names : images in acquisition order
-    pairs : numbers in `names`
-
-    """
-    from semsfm_colmap.colmap.database.work import (
-        pairs_without_matches,
-        read_descriptors,
-        read_images,
-        read_keypoint_rows,
-        write_matches,
-    )
-    from semsfm_colmap.colmap.sift_features import features_of_rows
-
-    project, config, executor = on.project, on.config, on.executor
-    ids = {image.name: image.image_id for image in read_images(project.database)}
-    options = config.features
-
-    @lru_cache(maxsize=2 * config.matching.overlap + 2)
-    def read(k: int) -> tuple[Float, Array]:
-        rows = read_keypoint_rows(project.database, ids[names[k]])
-        if fits_colmap(options):
-            values = read_descriptors(project.database, ids[names[k]]).astype(np.float32)
-            return rows[: len(values), :2], values
-        image = read_grey(project.images / names[k])
-        features = features_of_rows(rows)
-        values = describe(
-            options.descriptor, prepare(image, None, detector_options(options)), features
-        ).descriptors
-        return rows[:, :2], np.asarray(values, dtype=np.float32)
-
-    by_id = {(ids[names[i]], ids[names[j]]): (i, j) for i, j in pairs}
-    todo = pairs_without_matches(project.database, list(by_id))
-    over_pairs: ParallelMap = executor.map
-    over_parts: ParallelMap = map
-    if executor.shares_memory:
-        over_pairs, over_parts = map, executor.map
-    match = MatchOwn(
-        max_ratio=config.matching.max_ratio,
-        exclusion_px=config.matching.exclusion_px,
-        parallel_map=over_parts,
-    )
-    images = (by_id[pair] for pair in todo)
-    found = over_pairs(match, ((read(i), read(j)) for i, j in images))
-    for done, (pair, keypoints) in enumerate(zip(todo, found, strict=True), start=1):
-        write_matches(project.database, {pair: keypoints})
-        progress(len(pairs) - len(todo) + done, len(pairs))

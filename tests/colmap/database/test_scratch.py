@@ -1,4 +1,4 @@
-"""Extraction and matching while another program writes to the database."""
+"""Extraction while another program writes to the database."""
 
 import sqlite3
 from pathlib import Path
@@ -10,20 +10,17 @@ import pytest
 from semsfm_colmap.colmap.database.checks import check_writable
 from semsfm_colmap.colmap.database.scratch import scratch_database
 from semsfm_colmap.colmap.database.work import (
-    pairs_without_matches,
     read_descriptors,
     read_images,
     read_keypoints,
-    read_matches,
 )
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.options import SiftOptions
-from semsfm_colmap.colmap.sift import extract_sift, match_sift
+from semsfm_colmap.colmap.sift import extract_sift
 from semsfm_colmap.errors import InputError
 
 NAMES = ("a b.png", "ü/c.png", "flat.png", "small.png")
 SIZES = [(240, 200), (240, 200), (240, 200), (160, 200)]
-PAIRS = [(1, 2), (1, 3), (1, 4), (2, 4)]
 
 
 @pytest.fixture(scope="module")
@@ -48,15 +45,10 @@ def extract(database, images):
     extract_sift(database, images, NAMES, SIZES, SiftOptions(), num_threads=1)
 
 
-def match(database):
-    match_sift(database, PAIRS, max_ratio=0.8, num_threads=1)
-
-
 @pytest.fixture(scope="module")
 def filled(images, tmp_path_factory):
     database = tmp_path_factory.mktemp("filled") / "d é.db"
     extract(database, images)
-    match(database)
     return database
 
 
@@ -67,7 +59,6 @@ def content(database):
         images,
         [k.tobytes() for k in keypoints.values()],
         [read_descriptors(database, i.image_id).tobytes() for i in images],
-        {pair: rows.tobytes() for pair, rows in read_matches(database).items()},
     )
 
 
@@ -81,9 +72,6 @@ def test_what_is_found_is_what_pycolmap_finds_in_one_database(filled, images, tm
             str(database), str(images), image_names=[name], extraction_options=extraction,
             camera_mode=pycolmap.CameraMode.SINGLE, device=pycolmap.Device.cpu,
         )  # fmt: skip
-    matching = pycolmap.FeatureMatchingOptions()
-    matching.use_gpu = False
-    pycolmap.match_exhaustive(str(database), matching_options=matching, device=pycolmap.Device.cpu)
     for image_id in (1, 2):
         assert len(read_keypoints(filled, [image_id])[image_id]) > 50
         assert np.array_equal(
@@ -93,18 +81,13 @@ def test_what_is_found_is_what_pycolmap_finds_in_one_database(filled, images, tm
         assert np.array_equal(
             read_descriptors(filled, image_id), read_descriptors(database, image_id)
         )
-    assert len(read_matches(database)[1, 2]) > 30
-    assert np.array_equal(read_matches(filled)[1, 2], read_matches(database)[1, 2])
 
 
 def test_an_image_without_features_is_not_searched_again(filled, images, monkeypatch):
     assert len(read_keypoints(filled, [3])[3]) == 0
-    assert pairs_without_matches(filled, PAIRS) == []
-    for name in ("extract_features", "match_image_pairs"):
-        monkeypatch.setattr(pycolmap, name, None)
+    monkeypatch.setattr(pycolmap, "extract_features", None)
     before = content(filled)
     extract(filled, images)
-    match(filled)
     assert content(filled) == before
 
 
@@ -137,34 +120,21 @@ def locked_during(monkeypatch, database, name):
     return other
 
 
-@pytest.mark.parametrize("step", ["extract_features", "match_image_pairs"])
 def test_a_lock_that_comes_while_pycolmap_works_is_a_sentence(
-    step, filled, images, tmp_path, monkeypatch
+    filled, images, tmp_path, monkeypatch
 ):
     database = tmp_path / "d.db"
     extract(database, images)
-    if step == "extract_features":
-        with pycolmap.Database.open(str(database)) as db:
-            db.clear_descriptors()
-            db.clear_keypoints()
+    with pycolmap.Database.open(str(database)) as db:
+        db.clear_descriptors()
+        db.clear_keypoints()
     with monkeypatch.context() as patch:
-        other = locked_during(patch, database, step)
+        other = locked_during(patch, database, "extract_features")
         with pytest.raises(InputError, match="in use by another program"):
-            (match(database) if step == "match_image_pairs" else extract(database, images))
+            extract(database, images)
         other.execute("ROLLBACK")
         other.close()
     assert [p.name for p in tmp_path.iterdir()] == [database.name]
     # and the next run goes on
     extract(database, images)
-    match(database)
     assert content(database) == content(filled)
-
-
-def test_keypoints_without_descriptors_cannot_be_matched(filled, tmp_path):
-    database = tmp_path / "d.db"
-    database.write_bytes(filled.read_bytes())
-    with pycolmap.Database.open(str(database)) as db:
-        db.clear_descriptors()
-        db.clear_matches()
-    with pytest.raises(InputError, match=r"keypoints but no descriptors of image 1"):
-        match(database)
