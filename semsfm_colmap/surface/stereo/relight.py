@@ -118,7 +118,7 @@ def gain_of_relief(level: Level, plane: Array, normals: Array, change: Float) ->
     some = np.s_[::_SAMPLING_PX, ::_SAMPLING_PX]
     v, u = (np.mgrid[:height, :width] + np.float32(0.5))[:, *some]
     own = np.log(np.maximum(level.grey[some] + level.mean_grey, 1.0))
-    depth, normals = plane[0][some], normals[:, *some]
+    depth, normals = plane[0][some], np.ascontiguousarray(normals[:, *some])
     size = (_WINDOW_PX // _SAMPLING_PX, _WINDOW_PX // _SAMPLING_PX)
 
     def without_mean(values: Array, known: Bool) -> Array:
@@ -138,7 +138,7 @@ def gain_of_relief(level: Level, plane: Array, normals: Array, change: Float) ->
             borderMode=cv2.BORDER_CONSTANT,
             borderValue=float("nan"),
         )
-        predicted = np.tensordot(change[j].astype(np.float32), normals, axes=1)
+        predicted = _products(change[j], normals)
         known = np.isfinite(seen) & np.isfinite(predicted)
         if not known.any():
             continue
@@ -162,5 +162,20 @@ def relit(grey: Array, normals: Array, change: Float, gain: float) -> Array:
 
     """
     gained = np.float32(gain) * np.nan_to_num(normals)
-    factor = np.exp(np.tensordot(change.astype(np.float32), gained, axes=1))
-    return np.asarray(grey * factor, dtype=np.float32)
+    lit = np.empty((len(change), *grey.shape), dtype=np.float32)
+    for change_j, lit_j in zip(change, lit, strict=True):
+        np.exp(_products(change_j, gained), out=lit_j)
+        lit_j *= grey
+    return lit
+
+
+def _products(vector: Float, normals: Array) -> Array:
+    """Scalar products (H, W) of a vector (3,) with normals (3, H, W), float32.
+
+    Three sums over contiguous rows: as a matrix product its short inner dimension costs more.
+    """
+    x, y, z = vector.astype(np.float32)
+    result = x * normals[0]
+    result += y * normals[1]
+    result += z * normals[2]
+    return np.asarray(result)
