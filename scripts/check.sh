@@ -24,7 +24,12 @@ for piece in "$@"; do
         # every link and anchor within the site, every page in its navigation; no network is asked
         # (--quiet would pass over all of them)
         docs) NO_MKDOCS_2_WARNING=1 "$bin/mkdocs" build --strict 2>&1 | sed '/^INFO/d' ;;
-        tests) "$bin/pytest" -n 2 --dist loadfile -m "$marker" ;;
+        # in the order of tests/conftest.py, not with the files of most tests first; threads that
+        # wait leave the core to the other worker, where OpenMP's would spin on it
+        tests)
+            OMP_WAIT_POLICY=passive "$bin/pytest" -n 2 --dist loadfile --no-loadscope-reorder \
+                -m "$marker"
+            ;;
         *)
             echo "$piece is no piece of the check: see the head of scripts/check.sh" >&2
             exit 2

@@ -37,6 +37,7 @@ NOT_RUN = {
 }
 """Beginnings of the commands of these pages that are parsed only, and why."""
 SLOW = (
+    "docs/commands.md",
     "docs/features.md",
     "docs/how-to/cluster.md",
     "docs/how-to/meshlab.md",

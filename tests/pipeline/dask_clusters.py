@@ -8,7 +8,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +107,7 @@ def kill_a_worker(executor: Any) -> None:
 
 def tables(database: Path) -> dict[str, list[tuple[Any, ...]]]:
     """All rows of all tables."""
-    with sqlite3.connect(database) as connection:
+    with closing(sqlite3.connect(database)) as connection:
         names = connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
         return {
             name: connection.execute(f"SELECT * FROM {name} ORDER BY 1").fetchall()

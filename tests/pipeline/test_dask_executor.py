@@ -193,15 +193,12 @@ def test_a_worker_that_dies_costs_its_item_only_and_one_that_always_dies_is_a_se
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("num_processes", [2, 4])
-def test_processes_of_which_one_is_killed_in_each_step_leave_the_same_bits(
-    small_project, tmp_path, num_processes
-):
+def test_processes_of_which_one_is_killed_in_each_step_leave_the_same_bits(small_project, tmp_path):
     here, there = tmp_path / "here", tmp_path / "there"
     for project in (here, there):
         shutil.copytree(small_project, project)
     run_stages(here, LOCAL, names=COMPARED, force=True)
-    with DaskExecutor(scheduler_address=None, num_processes=num_processes) as inner:
+    with DaskExecutor(scheduler_address=None, num_processes=3) as inner:
         killing = AfterFirst(inner, lambda: kill_a_worker(inner))
         run_stages(there, LOCAL, names=COMPARED, force=True, executor=killing)
     # keypoints, matches, verification, guided passes, depth maps, fusion

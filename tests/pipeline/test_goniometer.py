@@ -19,6 +19,13 @@ def project(small_project, tmp_path):
     return shutil.copytree(small_project, tmp_path / "p")
 
 
+@pytest.fixture
+def unreported(project):
+    """The project without a report, which takes longer than what is measured."""
+    (project / "report" / "report.html").unlink()
+    return project
+
+
 def table_of(project, path, deg_per_um=FACTOR, noise_deg=0.05):
     """Displacements that the images' own angles would have, in shuffled lines."""
     angles = json.loads((project / "report" / "metrics.json").read_text())["per_image"]
@@ -49,21 +56,21 @@ def test_a_project_is_measured_against_a_table_and_its_report_has_a_section(proj
     assert (project / "report" / "figures" / "goniometer_line.png").is_file()
 
 
-def test_the_sigma_of_the_conversion_holds_that_of_the_total_rotation(project, tmp_path):
+def test_the_sigma_of_the_conversion_holds_that_of_the_total_rotation(unreported, tmp_path):
     record = measure_rotation(
-        project, displacement_path=table_of(project, tmp_path / "d.csv", noise_deg=0.0)
+        unreported, displacement_path=table_of(unreported, tmp_path / "d.csv", noise_deg=0.0)
     )
-    said = json.loads((project / "sparse/0/orthographic.json").read_text())["reliability"]
+    said = json.loads((unreported / "sparse/0/orthographic.json").read_text())["reliability"]
     relative = record.conversion_deg_per_um.sigma / record.conversion_deg_per_um.value
     total = said["total_rotation_sigma_deg"] / said["total_rotation_deg"]
     assert 0.6 * total < relative < 1.4 * total
 
 
-def test_without_displacements_there_is_an_axis_and_no_conversion(project):
-    record = measure_rotation(project)
+def test_without_displacements_there_is_an_axis_and_no_conversion(unreported):
+    record = measure_rotation(unreported)
     assert record.conversion_deg_per_um is None
     assert record.axis_camera_sigma_deg > 0.0
-    assert read_goniometer(Project(project)) == record
+    assert read_goniometer(Project(unreported)) == record
 
 
 def test_the_table_of_moves_has_a_line_an_image_and_starts_at_rest():
@@ -76,20 +83,20 @@ def test_the_table_of_moves_has_a_line_an_image_and_starts_at_rest():
         assert float(row["displacement_um"]) == pytest.approx(image.displacement_um, abs=1e-4)
 
 
-def test_few_images_give_no_moves_and_that_is_said(project):
-    record = measure_rotation(project)
+def test_few_images_give_no_moves_and_that_is_said(unreported):
+    record = measure_rotation(unreported)
     assert stage_moves(record) == ""
-    assert not (project / "report" / "stage_moves.csv").exists()
+    assert not (unreported / "report" / "stage_moves.csv").exists()
     assert any("no stage moves" in note for note in record.notes)
 
 
-def test_what_was_measured_on_another_model_is_no_longer_shown(project):
-    measure_rotation(project)
-    sidecar = project / "sparse/0/orthographic.json"
+def test_what_was_measured_on_another_model_is_no_longer_shown(unreported):
+    measure_rotation(unreported)
+    sidecar = unreported / "sparse/0/orthographic.json"
     sidecar.write_text(sidecar.read_text() + "\n")
-    assert read_goniometer(Project(project)) is None
-    (project / "report" / "goniometer.json").write_text("{")
-    assert read_goniometer(Project(project)) is None
+    assert read_goniometer(Project(unreported)) is None
+    (unreported / "report" / "goniometer.json").write_text("{")
+    assert read_goniometer(Project(unreported)) is None
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from benchmarks.goniometer import (
     wobble_correlation,
 )
 from semsfm_colmap.colmap.model.sparse import read_model
-from semsfm_colmap.config import Config
+from semsfm_colmap.config import preset
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.pipeline.goniometer import measure_rotation
 from semsfm_colmap.pipeline.runner import run_stages
@@ -26,7 +26,7 @@ def spore(data_path, tmp_path_factory):
     """The series, and a mapped project of it."""
     home = data_path / "synth_spore"
     project = tmp_path_factory.mktemp("spore") / "p"
-    run_stages(project, Config(), names=STAGES, image_path=home / "images")
+    run_stages(project, preset("low"), names=STAGES, image_path=home / "images")
     return home, project
 
 

@@ -20,7 +20,7 @@ SERIES = {
     "pollen": "synth_pollen/images",
     "spore": "synth_spore/images",
 }
-MAX_NUM_IMAGES = 8
+MAX_NUM_IMAGES = 5
 """Of a long series its beginning is looked at."""
 SCREENS = [(1400, False), (400, True)]
 ENDINGS = (".jpg", ".png", ".tif")

@@ -1,7 +1,9 @@
+import functools
 import sqlite3
 
 import pytest
 
+from semsfm_colmap.colmap.database import checks, side_tables
 from semsfm_colmap.colmap.database.measured import read_num_measured, write_num_measured
 from semsfm_colmap.colmap.database.work import read_images, read_keypoints
 from semsfm_colmap.errors import InputError
@@ -34,7 +36,9 @@ def test_colmap_reads_the_rest_as_before(database):
     assert all((before[k] == after[k]).all() for k in before)
 
 
-def test_a_database_that_another_program_holds_is_one_sentence(database):
+def test_a_database_that_another_program_holds_is_one_sentence(database, monkeypatch):
+    hasty = functools.partial(checks.check_writable, timeout_s=0.1)
+    monkeypatch.setattr(side_tables, "check_writable", hasty)
     holder = sqlite3.connect(database, isolation_level=None)
     holder.execute("BEGIN EXCLUSIVE")
     with pytest.raises(InputError, match="in use by another program"):

@@ -32,7 +32,7 @@ from semsfm_colmap.pipeline.foreign.import_database import (
 from semsfm_colmap.pipeline.project import Project, locked
 from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.reporter import Reporter
-from semsfm_colmap.pipeline.runner import reconstruct, run_stages
+from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.records import ExtractRecord, MatchRecord
 from semsfm_colmap.types import SemFrame
 from tests.colmap.databases import MAX_IMAGE_ID, SCHEMA_38
@@ -250,6 +250,7 @@ def test_a_whole_reconstruction_from_another_database(old_database, small_series
     assert main([*map(str, arguments)]) == 0
     assert before == {p: p.stat().st_mtime_ns for p in project.rglob("*.bin")}
     # without the other database, features and matches are our own again
-    reconstruct(small_series / "images", project)
+    names = ("ingest", "extract", "match")
+    run_stages(project, Config(), names=names, image_path=small_series / "images")
     stages = json.loads((project / "run.json").read_text())["stages"]
     assert not stages["extract"]["summary"]["notes"]

@@ -35,7 +35,7 @@ def config(detector, descriptor):
     [
         ("harris-hessian-laplace", "rootsift", True),
         ("hessian-affine", "gloh", False),
-        ("harris-laplace+colmap-sift-affine", "rootsift", True),
+        pytest.param("harris-laplace+colmap-sift-affine", "rootsift", True, marks=pytest.mark.slow),
     ],
 )
 def test_any_detector_with_any_descriptor_gives_a_right_model(
