@@ -11,6 +11,7 @@ import tyro
 
 from semsfm_colmap.cli.common import parse_flags
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.io.terminal import show
 from semsfm_colmap.planning.options import GivenNoise, NextOptions, SpecimenOptions
 
 DESCRIPTION = """Predict depth and rotation sigmas before the images are taken (docs/plan.md).
@@ -72,7 +73,7 @@ def main(arguments: Sequence[str]) -> None:
         specimen=parsed.specimen,
         add=parsed.add,
     )
-    print(answer.text(), end="")
+    show(answer.text(), end="")
     if parsed.json is not None:
         from semsfm_colmap.io.atomic import write_json
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Annotated
 import tyro
 
 from semsfm_colmap.cli.common import parse
+from semsfm_colmap.io.terminal import tell
 from semsfm_colmap.metrology.sizes.options import MetrologyOptions
 
 DESCRIPTION = """Show a project in the browser: model, surface, cameras; sections; lengths and
@@ -38,7 +38,7 @@ def main(arguments: Sequence[str]) -> None:
     parsed = parse(Arguments, arguments, "view", DESCRIPTION)
 
     def say(line: str) -> None:
-        print(line, file=sys.stderr, flush=True)
+        tell(line)
 
     view(
         parsed.project_path,

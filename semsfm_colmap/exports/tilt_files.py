@@ -10,6 +10,7 @@ import numpy as np
 from semsfm_colmap.exports.fiducials import ViewErrors, view_errors
 from semsfm_colmap.exports.scene import ExportScene, Summary
 from semsfm_colmap.exports.tilt_series import HeldCameras, TiltSeries, measured_px
+from semsfm_colmap.io.csv_cells import safe_cell
 from semsfm_colmap.io.grey import read_grey
 
 NAME = "series"
@@ -63,7 +64,7 @@ def write_views(
         rows.writerow(["view", "image", "points", *columns])
         for k, name in enumerate(scene.names):
             values = [f"{column[k]:.5f}" for column in columns.values()]
-            rows.writerow([k + 1, name, errors.num_points[k], *values])
+            rows.writerow([k + 1, safe_cell(name), errors.num_points[k], *values])
 
 
 def summary(

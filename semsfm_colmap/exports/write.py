@@ -13,6 +13,7 @@ from semsfm_colmap.exports.printing import FILE_TYPES, print_mesh
 from semsfm_colmap.exports.registry import find_format
 from semsfm_colmap.exports.scene import ExportScene, Summary
 from semsfm_colmap.io.atomic import folder_aside
+from semsfm_colmap.io.csv_cells import safe_rows
 
 STATEMENT = "export.json"
 
@@ -90,4 +91,4 @@ def _write_names(scene: ExportScene, path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file)
         rows.writerow(["export", "project"])
-        rows.writerows(zip(scene.names, scene.reconstruction.image_names, strict=True))
+        rows.writerows(safe_rows(zip(scene.names, scene.reconstruction.image_names, strict=True)))

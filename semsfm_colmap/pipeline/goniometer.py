@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import write_json, write_text
+from semsfm_colmap.io.csv_cells import safe_cell
 from semsfm_colmap.io.layout import GONIOMETER_FILE
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 from semsfm_colmap.records import GoniometerRecord, Reliability, from_plain, to_plain
@@ -200,7 +201,7 @@ def stage_moves(record: GoniometerRecord) -> str:
             return ""
         at = "" if image.displacement_um is None else f"{image.displacement_um:.4f}"
         moves = (f"{move:.4f}" for move in image.move)
-        table.writerow([name, at, f"{image.angle_deg:.3f}", *moves])
+        table.writerow([safe_cell(name), at, f"{image.angle_deg:.3f}", *moves])
     return out.getvalue()
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import logging
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from semsfm_colmap.io.terminal import printable_line, tell
 from semsfm_colmap.pipeline.progress import display, phases_shown
 
 LOGGER = logging.getLogger("semsfm")
@@ -46,6 +46,7 @@ class Reporter:
         self._file = None
 
     def _record(self, line: str) -> None:
+        line = printable_line(line)
         if self._file is None:
             self._buffer.append(line)
         else:
@@ -55,18 +56,18 @@ class Reporter:
         """A line for everybody who did not ask for quiet."""
         self._record(line)
         if self.verbosity >= 0:
-            print(line, file=sys.stderr, flush=True)
+            tell(line)
 
     def detail(self, line: str) -> None:
         """A line for the log, and for the console with -v."""
         self._record(line)
         if self.verbosity > 0:
-            print(f"  {line}", file=sys.stderr, flush=True)
+            tell(f"  {line}")
 
     def warn(self, line: str) -> None:
         """A warning: always shown, kept for the report."""
         self._record(f"warning: {line}")
-        print(f"warning: {line}", file=sys.stderr, flush=True)
+        tell(f"warning: {line}")
 
     @contextmanager
     def progress(self, label: str) -> Iterator[Callable[[int, int], None]]:

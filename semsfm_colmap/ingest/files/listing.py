@@ -10,6 +10,7 @@ from pathlib import Path
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.ingest.files.mrc import STACK_SUFFIXES, companion_files, is_stack, section_names
 from semsfm_colmap.io.layout import FOLDERS, MASKS_FOLDER, SERIES_FILE
+from semsfm_colmap.io.terminal import printable_line
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
@@ -116,5 +117,4 @@ def _why_not(path: Path, name: str) -> str | None:
 
 def _shown(name: str) -> str:
     """A name that may hold anything, fit for a message."""
-    text = name.encode("utf-8", "backslashreplace").decode("utf-8")
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return printable_line(name)

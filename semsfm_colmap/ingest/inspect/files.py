@@ -11,6 +11,7 @@ from pathlib import Path
 from semsfm_colmap.ingest.inspect.inspection import Inspection
 from semsfm_colmap.ingest.inspect.rows import InspectionRow
 from semsfm_colmap.io.atomic import write_text
+from semsfm_colmap.io.csv_cells import safe_row
 
 FILE_FIELDS = tuple(f.name for f in fields(InspectionRow) if f.name != "displacement_um")
 """Fields of the JSON and CSV files."""
@@ -31,5 +32,6 @@ def write_inspection_csv(inspection: Inspection, path: Path) -> None:
     for row in inspection.rows:
         values = asdict(row)
         values["warnings"] = "; ".join(row.warnings)
-        writer.writerow(["" if values[name] is None else values[name] for name in FILE_FIELDS])
+        cells = ["" if values[name] is None else values[name] for name in FILE_FIELDS]
+        writer.writerow(safe_row(cells))
     write_text(buffer.getvalue(), path, shared=True)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.io.csv_cells import plain_cell
 from semsfm_colmap.io.wording import abbreviate, one_line
 
 COLUMNS = ("tilt_deg", "rotation_deg", "displacement_um", "pixel_size_um")
@@ -108,7 +109,12 @@ def read_series_table(path: Path) -> SeriesTable:
             f"{', '.join(COLUMNS)}."
         )
     rows = [
-        _row(path, number, dict(zip(header, line, strict=False)), decimal_comma=delimiter == ";")
+        _row(
+            path,
+            number,
+            dict(zip(header, map(plain_cell, line), strict=False)),
+            decimal_comma=delimiter == ";",
+        )
         for number, line in numbered[1:]
     ]
     names = Counter(row.image for row in rows)

@@ -7,6 +7,7 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from semsfm_colmap.io.csv_cells import safe_cell
 from semsfm_colmap.metrology.sizes.budget import COVERAGE_FACTOR, Measurement
 from semsfm_colmap.metrology.sizes.requests import MeasurementRequest, Requests
 from semsfm_colmap.types import Reconstruction
@@ -89,5 +90,6 @@ def table(data: Mapping[str, Any]) -> str:
         low, high = one["interval_95"]
         numbers = (f"{x:.6g}" for x in (one["standard_uncertainty"], low, high))
         en = f"{one['check']['E_n']:.3f}" if "check" in one else ""
-        rows.writerow([one["name"], one["what"], f"{one['value']:.6g}", one["unit"], *numbers, en])
+        name = safe_cell(one["name"])
+        rows.writerow([name, one["what"], f"{one['value']:.6g}", one["unit"], *numbers, en])
     return out.getvalue()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from semsfm_colmap.io.csv_cells import safe_rows
 from semsfm_colmap.studies.features.result import StudyResult, mean_of, precision
 
 
@@ -99,5 +100,5 @@ def _repeatability(result: StudyResult) -> list[Sequence[object]]:
 
 def _write(path: Path, rows: Iterable[Sequence[object]]) -> Path:
     with path.open("w", newline="", encoding="utf-8") as stream:
-        csv.writer(stream).writerows(rows)
+        csv.writer(stream).writerows(safe_rows(rows))
     return path
