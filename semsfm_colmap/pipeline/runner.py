@@ -10,7 +10,6 @@ from pathlib import Path
 
 from semsfm_colmap.config import Config, options_key, without_executor, write_config
 from semsfm_colmap.errors import ClusterError, InputError, SemSfmError, UsageError
-from semsfm_colmap.ingest.files.listing import source_files
 from semsfm_colmap.pipeline.executor import Executor, open_executor
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 from semsfm_colmap.pipeline.record import (
@@ -22,43 +21,12 @@ from semsfm_colmap.pipeline.record import (
 )
 from semsfm_colmap.pipeline.registry import STAGE_NAMES, STAGES, find_stage, stages_after
 from semsfm_colmap.pipeline.reporter import Reporter
+from semsfm_colmap.pipeline.sources import input_hashes, source_key
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import StageRecord, to_plain
 
 STAGE_FORMAT = "4"
 """Raise it when a stage's results change for unchanged options: old projects are recomputed."""
-
-
-def input_hashes(image_path: Path, known: dict[str, str]) -> dict[str, str]:
-    """A key of every file below the image folder, sidecars included, or of a stack and its own.
-
-    Files whose size and time are those of the last run keep their key; the others are read.
-    """
-    hashes = {}
-    root = image_path if image_path.is_dir() else image_path.parent
-    for path in source_files(image_path):
-        try:
-            if path.is_symlink() and not path.exists():
-                continue
-            if not path.is_file():
-                continue
-            stat = path.stat()
-            name = path.relative_to(root).as_posix()
-            stamp = f"{stat.st_size}:{stat.st_mtime_ns}:"
-            old = known.get(name, "")
-            hashes[name] = old if old.startswith(stamp) else stamp + hash_file(path)
-        except OSError:
-            continue  # the ingest stage says what is wrong with it
-    return hashes
-
-
-def source_key(record: RunRecord) -> str:
-    """A key of the source images as the record holds them."""
-    return hash_text(
-        STAGE_FORMAT,
-        record.image_path,
-        *(f"{name} {value.rsplit(':', 1)[-1]}" for name, value in sorted(record.inputs.items())),
-    )
 
 
 def stage_key(stage: Stage, before: str, project: Project, config: Config) -> str:
@@ -145,7 +113,7 @@ def run_stages(
         record = RunRecord.read(project.record)
         if source is not None:
             record.image_path = str(source.resolve())
-            record.inputs = input_hashes(source, record.inputs)
+            record.inputs = input_hashes(source, record.inputs, config.ingest, project.path)
         record.seed = config.seed
         try:
             with (
@@ -179,7 +147,7 @@ class Runner:
 
     def run(self, names: set[str]) -> None:
         """Go through all stages; run those named that are not up to date."""
-        key = source_key(self.record)
+        key = source_key(self.record, STAGE_FORMAT)
         for stage in STAGES:
             key = stage_key(stage, key, self.project, self.config)
             if stage.name not in names:
