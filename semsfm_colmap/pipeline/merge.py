@@ -23,9 +23,10 @@ from semsfm_colmap.ingest.series.file import (
     write_series,
 )
 from semsfm_colmap.io.atomic import write_bytes
+from semsfm_colmap.pipeline.outputs import fingerprints
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 from semsfm_colmap.pipeline.record import RunRecord, StageEntry, hash_file, hash_text
-from semsfm_colmap.pipeline.registry import STAGES
+from semsfm_colmap.pipeline.registry import STAGES, find_stage
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.pipeline.stages.ingest import pixels
@@ -171,7 +172,8 @@ def copy_series(
         ),
         product=pixels(project),
     )
-    record.stages["ingest"] = entry
+    left = fingerprints(find_stage("ingest"), project, {})
+    record.stages["ingest"] = replace(entry, outputs=left)
     record.write()
     reporter.say(f"{len(frames)} images of {len(sources)} series: {', '.join(merged.series_names)}")
     return merged

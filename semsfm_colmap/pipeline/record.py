@@ -33,6 +33,8 @@ class StageEntry:
     """of its inputs and options"""
     product: str = ""
     """what later stages depend on; empty: the key"""
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    """fingerprints of the files that it has left, by name, and of its part of the database"""
     seconds: float = 0.0
     peak_memory_mb: float = 0.0
     summary: Mapping[str, Any] = field(default_factory=dict)

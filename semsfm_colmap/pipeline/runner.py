@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -11,6 +12,8 @@ from pathlib import Path
 from semsfm_colmap.config import Config, options_key, without_executor, write_config
 from semsfm_colmap.errors import ClusterError, InputError, SemSfmError, UsageError
 from semsfm_colmap.pipeline.executor import Executor, open_executor
+from semsfm_colmap.pipeline.fingerprint import content
+from semsfm_colmap.pipeline.outputs import OutputCheck, check_outputs, fingerprints, keep_changed
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 from semsfm_colmap.pipeline.record import (
     RunRecord,
@@ -148,36 +151,68 @@ class Runner:
     def run(self, names: set[str]) -> None:
         """Go through all stages; run those named that are not up to date."""
         key = source_key(self.record, STAGE_FORMAT)
+        before = RunRecord.read(self.project.record)
+        database_anew = False
         for stage in STAGES:
             key = stage_key(stage, key, self.project, self.config)
+            entry = self.record.entry(stage.name)
+            check = check_outputs(stage, self.project, entry.outputs)
             if stage.name not in names:
-                self.check_standing(stage, names)
-                key = standing_key(self.record.entry(stage.name), key)
-            elif self.is_up_to_date(stage, key) and not self.force:
+                self.check_standing(stage, names, check)
+                key = standing_key(entry, key)
+                if check.differ:
+                    key = hash_text(key, *map(content, check.found.values()))
+            elif self.record.is_done(stage.name, key) and not check.differ and not self.force:
                 self.reporter.say(f"{stage.name}: up to date")
-                key = self.record.entry(stage.name).for_later_stages
-            elif self.perform(stage, key):
-                key = self.record.entry(stage.name).for_later_stages
+                known = check.found or fingerprints(stage, self.project, {})
+                self.record.stages[stage.name] = replace(entry, outputs=known)
+                key = entry.for_later_stages
+            else:
+                heard = check.without_database if database_anew else check
+                database_anew |= stage.database_part is not None
+                if self.perform(stage, key, heard, wanted=wanted(stage, names)):
+                    key = self.record.entry(stage.name).for_later_stages
+        if (before.stages, before.inputs) != (self.record.stages, self.record.inputs):
+            # stamps that have settled since: what was not touched is not read again next time
+            self.record.write()
 
-    def is_up_to_date(self, stage: Stage, key: str) -> bool:
-        """Whether the stage was finished with this key and its outputs are there."""
-        there = all(path.exists() for path in stage.outputs(self.project))
-        return self.record.is_done(stage.name, key) and there
+    def check_standing(self, stage: Stage, names: set[str], check: OutputCheck) -> None:
+        """Refuse to run later stages on results that are not there, and say where they are others.
 
-    def check_standing(self, stage: Stage, names: set[str]) -> None:
-        """Refuse to run later stages on results that are not there."""
-        outputs = stage.outputs(self.project)
-        needed = not stage.optional and not names.isdisjoint(stages_after(stage.name))
-        if needed and not all(path.exists() for path in outputs):
-            raise InputError(
-                f"{outputs[0]} is missing: run `semsfm {stage.name}` on the project first"
+        A person may have changed them on purpose: they are taken as they stand.
+        """
+        if names.isdisjoint(stages_after(stage.name)) or not check.differ:
+            return
+        command = command_of(stage, self.project, self.record)
+        if check.gone and not stage.optional:
+            gone = replace(check, changed=())
+            raise InputError(f"{self.project.path}: {gone.says}: run `{command}` first")
+        if self.record.entry(stage.name).status == "done":
+            self.reporter.warn(
+                f"{stage.name}: {check.says}, and used so: `{command}` makes them as they were"
             )
 
-    def perform(self, stage: Stage, key: str) -> bool:
-        """Run a stage and keep what it says; False when an optional one has failed."""
+    def perform(self, stage: Stage, key: str, check: OutputCheck, *, wanted: bool) -> bool:
+        """Run a stage and keep what it says; False when an optional one has failed.
+
+        Parameters
+        ----------
+        check : of what an earlier run has left
+        wanted : the run is about this stage: without it there is nothing
+
+        """
         begin = time.monotonic()
+        entry = self.record.entry(stage.name)
+        if entry.key == key and entry.status == "done" and check.differ and not self.force:
+            self.reporter.warn(f"{stage.name}: {check.says}: made again")
+        for kept in keep_changed(self.project, check.changed):
+            self.reporter.warn(kept)
         # a run with the same key that was cut off goes on; anything else starts afresh
-        fresh = self.force or self.record.entry(stage.name).key != key
+        fresh = self.force or entry.key != key or entry.status == "done"
+        if stage.database_part is not None and not fresh and self.project.database.is_file():
+            from semsfm_colmap.colmap.database.content import is_sound
+
+            fresh = not is_sound(self.project.database)
         if not stage.founds:
             self.reporter.log_to(self.project.log)
             self.keep(stage, StageEntry(status="running", key=key))
@@ -197,13 +232,14 @@ class Runner:
         except SemSfmError as error:
             if not stage.founds:
                 self.keep(stage, failed(stage, time.monotonic() - begin, error))
-            if not stage.optional:
+            if wanted:
                 raise
             self.reporter.warn(f"{stage.name}: {error}")
             return False
         entry = StageEntry.done(key, time.monotonic() - begin, result)
         if stage.product is not None:
             entry = replace(entry, product=stage.product(self.project))
+        entry = replace(entry, outputs=fingerprints(stage, self.project, check.found))
         self.reporter.log_to(self.project.log)
         self.keep(stage, entry)
         write_config(without_executor(self.config), self.project.config)
@@ -213,6 +249,23 @@ class Runner:
         """Put the entry of a stage into run.json."""
         self.record.stages[stage.name] = entry
         self.record.write()
+
+
+def wanted(stage: Stage, names: set[str]) -> bool:
+    """Whether the run is in vain without the stage: one that is optional, where it comes last."""
+    needs = {name for name in names if not find_stage(name).optional}
+    return not stage.optional or needs.isdisjoint(stages_after(stage.name))
+
+
+def command_of(stage: Stage, project: Project, record: RunRecord) -> str:
+    """What to type so that a stage runs again, whatever it has left."""
+    place = shlex.quote(str(project.path))
+    if stage.name not in STAGE_NAMES[:2]:
+        return f"semsfm {stage.name} {place}"
+    images = shlex.quote(record.image_path) if Path(record.image_path).exists() else "IMAGES"
+    if not record.image_path and record.stages:
+        return f"semsfm merge PROJECT1 PROJECT2 --output_path {place}"
+    return f"semsfm extract {images} --output_path {place}"
 
 
 def failed(stage: Stage, seconds: float, error: SemSfmError) -> StageEntry:
