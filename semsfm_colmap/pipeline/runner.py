@@ -5,16 +5,24 @@ from __future__ import annotations
 import shlex
 import time
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from semsfm_colmap.config import Config, options_key, without_executor, write_config
+from semsfm_colmap.config import (
+    Config,
+    config_to_dict,
+    options_key,
+    read_config,
+    without_executor,
+    write_config,
+)
 from semsfm_colmap.errors import ClusterError, InputError, SemSfmError, UsageError
 from semsfm_colmap.pipeline.executor import Executor, open_executor
 from semsfm_colmap.pipeline.fingerprint import content
 from semsfm_colmap.pipeline.outputs import OutputCheck, check_outputs, fingerprints, keep_changed
 from semsfm_colmap.pipeline.project import Project, check_output, locked
+from semsfm_colmap.pipeline.project_options import read_project_options
 from semsfm_colmap.pipeline.record import (
     RunRecord,
     StageEntry,
@@ -24,7 +32,7 @@ from semsfm_colmap.pipeline.record import (
 )
 from semsfm_colmap.pipeline.registry import STAGE_NAMES, STAGES, find_stage, stages_after
 from semsfm_colmap.pipeline.reporter import Reporter
-from semsfm_colmap.pipeline.sources import input_hashes, source_key
+from semsfm_colmap.pipeline.sources import check_same_series, input_hashes, source_key
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import StageRecord, to_plain
 
@@ -110,13 +118,18 @@ def run_stages(
     elif any(stage.founds for stage in chosen):
         raise UsageError(f"the {STAGE_NAMES[0]} stage needs the folder with the images")
     elif not project.series.is_file():
-        raise UsageError(f"{project.path} is not a semsfm project: run `semsfm extract` first")
+        raise UsageError(
+            f"{project.path} is not a semsfm project: run `semsfm extract IMAGES --output_path "
+            f"{shlex.quote(str(project.path))}` first"
+        )
     with locked(project):
         # another process may have written it until now
         record = RunRecord.read(project.record)
         if source is not None:
+            inputs = input_hashes(source, record.inputs, config.ingest, project.path)
+            check_same_series(project, record, source, inputs, reporter, force=force)
             record.image_path = str(source.resolve())
-            record.inputs = input_hashes(source, record.inputs, config.ingest, project.path)
+            record.inputs = inputs
         record.seed = config.seed
         try:
             with (
@@ -172,9 +185,10 @@ class Runner:
                 database_anew |= stage.database_part is not None
                 if self.perform(stage, key, heard, wanted=wanted(stage, names)):
                     key = self.record.entry(stage.name).for_later_stages
-        if (before.stages, before.inputs) != (self.record.stages, self.record.inputs):
+        if before != self.record:
             # stamps that have settled since: what was not touched is not read again next time
             self.record.write()
+        self.keep_options()
 
     def check_standing(self, stage: Stage, names: set[str], check: OutputCheck) -> None:
         """Refuse to run later stages on results that are not there, and say where they are others.
@@ -241,9 +255,17 @@ class Runner:
             entry = replace(entry, product=stage.product(self.project))
         entry = replace(entry, outputs=fingerprints(stage, self.project, check.found))
         self.reporter.log_to(self.project.log)
+        self.record.options = config_to_dict(without_executor(self.config))
         self.keep(stage, entry)
-        write_config(without_executor(self.config), self.project.config)
+        self.keep_options()
         return True
+
+    def keep_options(self) -> None:
+        """Write semsfm.toml where it holds anything else, or nothing."""
+        with suppress(UsageError):
+            if read_config(self.project.config) == without_executor(self.config):
+                return
+        write_config(without_executor(self.config), self.project.config)
 
     def keep(self, stage: Stage, entry: StageEntry) -> None:
         """Put the entry of a stage into run.json."""
@@ -292,7 +314,7 @@ def reconstruct(
     image_path : folder of PNG, JPEG or TIFF images of one specimen, tilted or rotated, or an MRC
         stack of them
     output_path : the project folder, see docs/files.md; unchanged stages of an earlier run are kept
-    config : all options; default: those of `Config`
+    config : all options; default: those that the project was made with, of a new one `Config`
     reporter : told how far it is, and what to note; default: nothing is said
 
     Returns
@@ -307,6 +329,7 @@ def reconstruct(
         A path is none of what is asked for, or the project is in use.
 
     """
+    config = config or read_project_options(Project(Path(output_path)), reporter=reporter)
     return run_stages(
         Path(output_path), config or Config(), image_path=Path(image_path), reporter=reporter
     )

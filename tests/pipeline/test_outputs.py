@@ -1,6 +1,7 @@
 """What was damaged is made again and said; what a person changed keeps a way into the project."""
 
 import json
+import shlex
 import shutil
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.series.file import read_series
 from semsfm_colmap.io.ply import read_ply_cloud, write_ply
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.runner import reconstruct, run_stages
@@ -216,3 +218,18 @@ def test_a_stage_on_its_own_names_the_command_that_makes_what_it_needs(
     )
     assert main(["extract", str(images), "--output_path", str(project), "-q"]) == 0
     run_stages(project, Config(), names=("map",))
+
+
+@pytest.mark.parametrize("content", ["", "{", "{}", '{"format": "semsfm-series", "version": 1}'])
+def test_what_a_damaged_series_says_to_type_makes_it_again(prepared, tmp_path, content):
+    project = shutil.copytree(prepared / "p", tmp_path / "my project")
+    (project / "series.json").write_text(content)
+    with pytest.raises(InputError, match="semsfm extract IMAGES --output_path") as refused:
+        read_series(project / "series.json")
+    command = shlex.split(str(refused.value).split("`")[1])
+    assert command[0] == "semsfm"
+    images = str(prepared / "images")
+    # the images are not enough of a series for more than to be prepared
+    main([images if word == "IMAGES" else word for word in command[1:]])
+    series = read_series(project / "series.json")
+    assert series.names == NAMES
