@@ -17,12 +17,15 @@ from pathlib import Path, PurePosixPath
 from semsfm_colmap.io.layout import DATABASE_FILE, DENSE_FOLDER, MASKS_FOLDER, SPARSE_FOLDER
 from semsfm_colmap.pipeline.fingerprint import content, fingerprint
 from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.stage import Stage
 
 CHANGED = "changed"
 """Folder of the project with what was changed by others and made again."""
 MODEL_FILES = ("cameras.bin", "images.bin", "points3D.bin")
 """What another program changes of a model."""
+FROM_IMAGES = ("ingest", "extract")
+"""Stages that take the folder of the images, and have one command."""
 EXAMPLES = 3
 """As many files are named in a sentence."""
 
@@ -125,6 +128,17 @@ def database_key(stage: Stage, project: Project) -> str:
     if stage.database_part is None:
         return ""
     return content_key(project.database, stage.database_part) or ""
+
+
+def command_of(stage: Stage, project: Project, record: RunRecord) -> str:
+    """What to type so that a stage runs again, whatever it has left."""
+    place = shlex.quote(str(project.path))
+    if stage.name not in FROM_IMAGES:
+        return f"semsfm {stage.name} {place}"
+    images = shlex.quote(record.image_path) if Path(record.image_path).exists() else "IMAGES"
+    if not record.image_path and record.stages:
+        return f"semsfm merge PROJECT1 PROJECT2 --output_path {place}"
+    return f"semsfm extract {images} --output_path {place}"
 
 
 def keep_changed(project: Project, changed: Sequence[str]) -> list[str]:

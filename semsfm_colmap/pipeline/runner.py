@@ -12,21 +12,35 @@ from pathlib import Path
 from semsfm_colmap.config import (
     Config,
     config_to_dict,
-    options_key,
     read_config,
     without_executor,
     write_config,
 )
-from semsfm_colmap.errors import ClusterError, InputError, SemSfmError, UsageError
+from semsfm_colmap.errors import (
+    ClusterError,
+    DiskFullError,
+    InputError,
+    MissingDependencyError,
+    SemSfmError,
+    UsageError,
+)
+from semsfm_colmap.io.disk import full_disk_is_said, sync
+from semsfm_colmap.io.temporary import remove_leftovers
 from semsfm_colmap.pipeline.executor import Executor, open_executor
 from semsfm_colmap.pipeline.fingerprint import content
-from semsfm_colmap.pipeline.outputs import OutputCheck, check_outputs, fingerprints, keep_changed
+from semsfm_colmap.pipeline.keys import stage_key, standing_key
+from semsfm_colmap.pipeline.outputs import (
+    OutputCheck,
+    check_outputs,
+    command_of,
+    fingerprints,
+    keep_changed,
+)
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 from semsfm_colmap.pipeline.project_options import read_project_options
 from semsfm_colmap.pipeline.record import (
     RunRecord,
     StageEntry,
-    hash_file,
     hash_text,
     peak_memory_mb,
 )
@@ -38,35 +52,6 @@ from semsfm_colmap.records import StageRecord, to_plain
 
 STAGE_FORMAT = "4"
 """Raise it when a stage's results change for unchanged options: old projects are recomputed."""
-
-
-def stage_key(stage: Stage, before: str, project: Project, config: Config) -> str:
-    """A key of all that shapes the results of a stage.
-
-    Parameters
-    ----------
-    before : what it sees of the stages before
-
-    """
-    files = [path for path in stage.inputs(project, config) if path.is_file()]
-    if files:
-        before = hash_text(before, *map(hash_file, files))
-    text = [options_key(getattr(config, section)) for section in stage.sections]
-    # the seed and nothing else of the top level changes a result
-    return hash_text(before, stage.name, str(config.seed), *text)
-
-
-def standing_key(entry: StageEntry, expected: str) -> str:
-    """What later stages see of a stage that is not run now: it counts as it stands.
-
-    Where that is of other options or inputs than it would be now, or nothing at all, they see that:
-    a report is of the model and of the mesh, whichever came last.
-    """
-    if entry.status != "done":
-        return hash_text(expected, "nothing")
-    if entry.product or entry.key == expected:
-        return entry.for_later_stages
-    return hash_text(expected, entry.key)
 
 
 def run_stages(
@@ -122,7 +107,8 @@ def run_stages(
             f"{project.path} is not a semsfm project: run `semsfm extract IMAGES --output_path "
             f"{shlex.quote(str(project.path))}` first"
         )
-    with locked(project):
+    with locked(project), full_disk_is_said(project.path):
+        remove_leftovers(project.path)
         # another process may have written it until now
         record = RunRecord.read(project.record)
         if source is not None:
@@ -165,6 +151,7 @@ class Runner:
         """Go through all stages; run those named that are not up to date."""
         key = source_key(self.record, STAGE_FORMAT)
         before = RunRecord.read(self.project.record)
+        anything = False
         database_anew = False
         for stage in STAGES:
             key = stage_key(stage, key, self.project, self.config)
@@ -181,6 +168,9 @@ class Runner:
                 self.record.stages[stage.name] = replace(entry, outputs=known)
                 key = entry.for_later_stages
             else:
+                if not anything:
+                    self.check_libraries(names)
+                    anything = True
                 heard = check.without_database if database_anew else check
                 database_anew |= stage.database_part is not None
                 if self.perform(stage, key, heard, wanted=wanted(stage, names)):
@@ -189,6 +179,17 @@ class Runner:
             # stamps that have settled since: what was not touched is not read again next time
             self.record.write()
         self.keep_options()
+
+    def check_libraries(self, names: set[str]) -> None:
+        """Say now what a stage would find out after an hour."""
+        from semsfm_colmap.io.open3d_library import import_open3d
+
+        for stage in map(find_stage, names):
+            if stage.needs_open3d:
+                try:
+                    import_open3d()
+                except MissingDependencyError as error:
+                    self.reporter.warn(f"{stage.name} will come to nothing: {error}")
 
     def check_standing(self, stage: Stage, names: set[str], check: OutputCheck) -> None:
         """Refuse to run later stages on results that are not there, and say where they are others.
@@ -241,7 +242,7 @@ class Runner:
                     fresh=fresh,
                 )
             )
-        except ClusterError:
+        except (ClusterError, DiskFullError):
             raise  # as after a kill: the same command goes on
         except SemSfmError as error:
             if not stage.founds:
@@ -250,6 +251,8 @@ class Runner:
                 raise
             self.reporter.warn(f"{stage.name}: {error}")
             return False
+        if stage.database_part is not None:
+            sync(self.project.database)  # COLMAP leaves that to the system
         entry = StageEntry.done(key, time.monotonic() - begin, result)
         if stage.product is not None:
             entry = replace(entry, product=stage.product(self.project))
@@ -277,17 +280,6 @@ def wanted(stage: Stage, names: set[str]) -> bool:
     """Whether the run is in vain without the stage: one that is optional, where it comes last."""
     needs = {name for name in names if not find_stage(name).optional}
     return not stage.optional or needs.isdisjoint(stages_after(stage.name))
-
-
-def command_of(stage: Stage, project: Project, record: RunRecord) -> str:
-    """What to type so that a stage runs again, whatever it has left."""
-    place = shlex.quote(str(project.path))
-    if stage.name not in STAGE_NAMES[:2]:
-        return f"semsfm {stage.name} {place}"
-    images = shlex.quote(record.image_path) if Path(record.image_path).exists() else "IMAGES"
-    if not record.image_path and record.stages:
-        return f"semsfm merge PROJECT1 PROJECT2 --output_path {place}"
-    return f"semsfm extract {images} --output_path {place}"
 
 
 def failed(stage: Stage, seconds: float, error: SemSfmError) -> StageEntry:

@@ -86,5 +86,7 @@ class Stage:
     """Names in the project folder that another program may have left: never overwritten."""
     optional: bool = False
     """A failure is a warning, not the end: what was computed before is worth having."""
+    needs_open3d: bool = False
+    """It is seen before the first stage begins whether open3d loads."""
     founds: bool = False
     """It makes the project: before it there is no folder to keep a record in."""

@@ -15,6 +15,7 @@ from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.series.file import read_series
 from semsfm_colmap.io.ply import read_ply_cloud, write_ply
+from semsfm_colmap.pipeline.export import export_project
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.runner import reconstruct, run_stages
 from tests.ingest.images import pixels_of, save, texture
@@ -233,3 +234,14 @@ def test_what_a_damaged_series_says_to_type_makes_it_again(prepared, tmp_path, c
     main([images if word == "IMAGES" else word for word in command[1:]])
     series = read_series(project / "series.json")
     assert series.names == NAMES
+
+
+@pytest.mark.parametrize("way", ["deleted", "emptied"])
+def test_an_export_does_not_leave_out_a_depth_map_that_has_gone(project, way):
+    path = project / "dense" / "depth_maps" / "grain_003.tif.npz"
+    damage(path, way)
+    with pytest.raises(InputError) as refused:
+        export_project(project, "colmap-dense")
+    assert str(refused.value) == f"{path} is missing or empty: run `semsfm densify {project}` first"
+    assert not any((project / "export").iterdir())
+    export_project(project, "nvm")

@@ -75,4 +75,5 @@ STAGE = Stage(
     inputs=labels,
     places=(MESH_FOLDER,),
     optional=True,
+    needs_open3d=True,
 )
