@@ -19,6 +19,12 @@ class UsageError(SemSfmError):
     exit_code = 2
 
 
+class DiskFullError(UsageError):
+    """There is no space left for what is written. Nothing is wrong with the data: what was finished
+    is kept, and the same command goes on where there is space.
+    """
+
+
 class ClusterError(SemSfmError):
     """The processes that work was sent to are gone. Nothing is wrong with the data: what was
     finished is kept, and the same command goes on.

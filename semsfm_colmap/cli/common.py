@@ -12,7 +12,6 @@ import tyro
 from semsfm_colmap.cli.help_page import ALL, asked, page
 from semsfm_colmap.config import Config, preset, read_config
 from semsfm_colmap.errors import UsageError
-from semsfm_colmap.io.layout import CONFIG_FILE
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.presets import QUALITIES
 
@@ -130,18 +129,39 @@ def flag_value(arguments: Sequence[str], flag: str) -> str | None:
     return None
 
 
-def file_config(arguments: Sequence[str], project_path: Path | None = None) -> Config:
+def output_config(arguments: Sequence[str]) -> Config:
+    """As `file_config` of the project at ``--output_path``, where there is one already."""
+    path = flag_value(arguments, "--output_path")
+    quiet = "-q" in arguments or "--quiet" in arguments
+    return file_config(
+        arguments, None if path is None else Path(path), Reporter(verbosity=-1 if quiet else 0)
+    )
+
+
+def file_config(
+    arguments: Sequence[str], project_path: Path | None = None, reporter: Reporter | None = None
+) -> Config:
     """The configuration before flags: ``--config_path``, else the project's, else defaults.
 
     ``--quality`` comes before all three: what they say of single options stands above it.
+
+    Parameters
+    ----------
+    reporter : told which options are the project's
+
     """
+    from semsfm_colmap.pipeline.project import Project
+    from semsfm_colmap.pipeline.project_options import read_project_options
+
     given = flag_value(arguments, "--quality")
     quality = next((known for known in QUALITIES if known == given), None)
     path = flag_value(arguments, "--config_path")
     if path is not None:
         return read_config(Path(path), quality)
-    if project_path is not None and (project_path / CONFIG_FILE).is_file():
-        return read_config(project_path / CONFIG_FILE, quality, resolved=True)
+    if project_path is not None and DESCRIBE not in arguments and asked(arguments) is None:
+        kept = read_project_options(Project(project_path), quality, reporter)
+        if kept is not None:
+            return kept
     return Config() if quality is None else preset(quality)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from semsfm_colmap.cli.common import (
-    file_config,
+    output_config,
     parse,
     positional_first,
     verbosity,
@@ -21,7 +21,9 @@ def main(arguments: Sequence[str]) -> None:
     from semsfm_colmap.pipeline.runner import run_stages
 
     args = positional_first(arguments)
-    parsed = parse(with_default_config(Arguments, file_config(args)), args, "extract", DESCRIPTION)
+    parsed = parse(
+        with_default_config(Arguments, output_config(args)), args, "extract", DESCRIPTION
+    )
     run_stages(
         parsed.output_path,
         parsed.config,

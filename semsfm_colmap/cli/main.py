@@ -5,10 +5,15 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
 
 from semsfm_colmap.cli.commands import COMMANDS, find_command
 from semsfm_colmap.cli.help_texts import GROUPS
 
+INTERRUPTED = 130
+TERMINATED = 143
+"""Exit codes of programs that SIGINT and SIGTERM end, as shells give them."""
 BROKEN_PIPE = 141
 """Exit code of a program that SIGPIPE ends, as shells give it."""
 
@@ -43,6 +48,9 @@ def usage() -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand; returns 0 done, 1 the data do not allow it, 2 usage."""
     args = list(sys.argv[1:] if arguments is None else arguments)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # a program may be started without
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
     try:
         try:
             return run(args)
@@ -50,7 +58,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
     except BrokenPipeError:
         # who read our output has gone, as `head` does; what is still held back goes nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):
+                stream.flush()
+                continue
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
         return BROKEN_PIPE
 
 
@@ -75,18 +87,21 @@ def run(args: list[str]) -> int:
         )
         return 2
     from semsfm_colmap.errors import SemSfmError
+    from semsfm_colmap.io.disk import full_disk_error, out_of_space
+    from semsfm_colmap.io.interrupt import Terminated, handle_termination
 
+    handle_termination()
     try:
         command.main()(args[1:])
     except SemSfmError as error:
         print(f"semsfm {args[0]}: {error}", file=sys.stderr)
         return error.exit_code
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         print(
             f"semsfm {args[0]}: stopped; what was finished is kept, the same command goes on",
             file=sys.stderr,
         )
-        return 130
+        return TERMINATED if isinstance(stop, Terminated) else INTERRUPTED
     except BrokenPipeError:
         raise
     except ImportError as error:
@@ -96,6 +111,10 @@ def run(args: list[str]) -> int:
         if ".so" in str(error) and error.errno is None:  # a shared object, by ctypes
             print(f"semsfm {args[0]}: {does_not_load(error)}", file=sys.stderr)
             return 1
+        if out_of_space(error):
+            full = full_disk_error(Path(error.filename or "."))
+            print(f"semsfm {args[0]}: {full}", file=sys.stderr)
+            return 2
         place = f"{error.filename}: " if error.filename else ""
         print(f"semsfm {args[0]}: {place}{error.strerror or error}", file=sys.stderr)
         return 2

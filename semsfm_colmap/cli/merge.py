@@ -12,7 +12,7 @@ from semsfm_colmap.cli.common import (
     Flattened,
     Quiet,
     Verbose,
-    file_config,
+    output_config,
     parse_flags,
     verbosity,
     with_default_config,
@@ -34,7 +34,7 @@ class Arguments:
     output_path: Path
     """The new project folder."""
     config_path: Path | None = None
-    """TOML file with options; flags override it."""
+    """TOML file with options; default: those that the project was made with. Flags override it."""
     force: bool = False
     """Run even when nothing has changed."""
     verbose: Verbose = False
@@ -49,7 +49,7 @@ def main(arguments: Sequence[str]) -> None:
     from semsfm_colmap.pipeline.merge import merge_projects
 
     args = list(arguments)
-    command = with_default_config(Arguments, file_config(args))
+    command = with_default_config(Arguments, output_config(args))
     parsed = parse_flags(command, args, "merge", DESCRIPTION)
     merge_projects(
         parsed.project_paths,

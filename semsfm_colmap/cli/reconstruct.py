@@ -12,7 +12,7 @@ from semsfm_colmap.cli.common import (
     Flattened,
     Quiet,
     Verbose,
-    file_config,
+    output_config,
     parse,
     positional_first,
     verbosity,
@@ -32,7 +32,7 @@ class Arguments:
     output_path: Path
     """The project folder; a second run keeps what has not changed."""
     config_path: Path | None = None
-    """TOML file with options; flags override it."""
+    """TOML file with options; default: those that the project was made with. Flags override it."""
     force: bool = False
     """Run every stage even when nothing has changed."""
     verbose: Verbose = False
@@ -60,7 +60,7 @@ def main(arguments: Sequence[str]) -> None:
     from semsfm_colmap.pipeline.summary import say_summary
 
     args = positional_first(arguments)
-    command = with_default_config(ReconstructArguments, file_config(args))
+    command = with_default_config(ReconstructArguments, output_config(args))
     parsed = parse(command, args, "reconstruct", DESCRIPTION)
     reporter = verbosity(parsed.verbose, parsed.quiet)
     if parsed.database_path is not None:

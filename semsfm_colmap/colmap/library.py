@@ -6,13 +6,31 @@ writing a PNG aborts the process. Everything in this package takes pycolmap from
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import cv2
 import PIL.Image
-import pycolmap
 
-__all__ = ["pycolmap"]
+from semsfm_colmap.io.interrupt import signals_held
+
+with signals_held():  # its logging takes SIGTERM for itself
+    import pycolmap
+
+__all__ = ["pycolmap", "without_log_lines"]
 
 assert cv2 is not None
 assert PIL.Image is not None
 # COLMAP's own log lines would break up the progress display; warnings still come through
 pycolmap.logging.minloglevel = int(pycolmap.logging.Level.WARNING)
+
+
+@contextmanager
+def without_log_lines() -> Iterator[None]:
+    """Keep COLMAP from writing to the terminal what it raises as an error besides."""
+    before = pycolmap.logging.minloglevel
+    pycolmap.logging.minloglevel = int(pycolmap.logging.Level.FATAL)
+    try:
+        yield
+    finally:
+        pycolmap.logging.minloglevel = before

@@ -13,9 +13,12 @@ from semsfm_colmap.colmap.database.work import (
 )
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.options import SiftOptions
+from semsfm_colmap.io.disk import require_space
 
 Progress = Callable[[int, int], None]
 
+KEYPOINT_BYTES = 2 * (6 * 4 + 128)
+"""Six numbers and a descriptor, in the log and in the file."""
 EXTRACT_CHUNK = 8
 """Images between two progress reports."""
 
@@ -70,6 +73,9 @@ def extract_sift(
         for begin in range(0, len(group), EXTRACT_CHUNK):
             chunk = group[begin : begin + EXTRACT_CHUNK]
             with scratch_database(database_path) as scratch:
+                # COLMAP's threads write: what does not fit there ends the process
+                most = len(chunk) * options.max_num_features * KEYPOINT_BYTES
+                require_space(scratch, most)
                 register_images(scratch, chunk, [size_of[name] for name in chunk])
                 pycolmap.extract_features(
                     str(scratch),

@@ -6,7 +6,6 @@ project's database is written by the process that asked, image by image, and hol
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from semsfm_colmap.colmap.database.work import (
 )
 from semsfm_colmap.colmap.options import SiftOptions
 from semsfm_colmap.colmap.sift import extract_sift
+from semsfm_colmap.io.temporary import temporary_folder
 from semsfm_colmap.types import Array, ParallelMap
 
 Progress = Callable[[int, int], None]
@@ -39,7 +39,7 @@ class SiftOfImage:
     def __call__(self, image: tuple[str, tuple[int, int]]) -> StoredFeatures:
         """The features of an image, given its name and its width and height."""
         name, size_px = image
-        with tempfile.TemporaryDirectory(prefix="semsfm-") as folder:
+        with temporary_folder() as folder:
             database = Path(folder) / "features.db"
             extract_sift(
                 database,

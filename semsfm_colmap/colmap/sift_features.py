@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.colmap.options import SiftOptions
+from semsfm_colmap.io.temporary import temporary_folder
 from semsfm_colmap.types import Array, Features, Float
 
 NO_LIMIT = 10**6
@@ -48,7 +48,7 @@ def sift_features(
     from semsfm_colmap.colmap.database.work import read_descriptors, read_images, read_keypoint_rows
     from semsfm_colmap.colmap.sift import extract_sift
 
-    with tempfile.TemporaryDirectory(prefix="semsfm-") as folder:
+    with temporary_folder() as folder:
         database = Path(folder) / "features.db"
         extract_sift(
             database,

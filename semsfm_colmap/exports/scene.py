@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +46,8 @@ class ExportScene:
     """Folder of the project's depth maps"""
     mesh_path: Path | None = None
     """The project's mesh.ply"""
+    made: Mapping[Path, str] = field(default_factory=dict)
+    """Depth maps and masks that the project has made, each with the command that makes it again"""
     tilt_rad: Float | None = None
     """(M,) recorded tilts, nan where none is; None: nothing is known of them"""
 
@@ -60,7 +62,14 @@ class ExportScene:
         folder = self.depth_map_path
         if folder is None:
             return []
+        self.check_made(folder)
         return [n for n in self.reconstruction.image_names if depth_map_path(folder, n).is_file()]
+
+    def check_made(self, folder: Path) -> None:
+        """Refuse to leave out in silence what was made in a folder and is not there any more."""
+        for path, command in self.made.items():
+            if path.is_relative_to(folder) and not (path.is_file() and path.stat().st_size):
+                raise InputError(f"{path} is missing or empty: run `{command}` first")
 
     def dense_views(self) -> Iterator[DenseView]:
         """The depth maps, one at a time."""
@@ -87,6 +96,7 @@ class ExportScene:
         """Copy the masks as ``<name>.png``; returns how many there are."""
         if self.mask_path is None:
             return 0
+        self.check_made(self.mask_path)
         count = 0
         for source, name in zip(self.reconstruction.image_names, self.names, strict=True):
             mask = self.mask_path / f"{source}.png"
@@ -108,10 +118,15 @@ def read_scene(
     depth_map_path: Path | None = None,
     mesh_path: Path | None = None,
     series: SemSeries | None = None,
+    made: Mapping[Path, str] | None = None,
 ) -> ExportScene:
     """Read a model that has its sidecar, and remember where what belongs to it lies.
 
-    `series` tells the recorded tilts.
+    Parameters
+    ----------
+    series : tells the recorded tilts
+    made : depth maps and masks that must be there, see `ExportScene`
+
     """
     reconstruction = read_model(model_path)
     sidecar = read_sidecar(model_path / FILE_NAME)
@@ -128,5 +143,6 @@ def read_scene(
         database_path=database_path,
         depth_map_path=depth_map_path,
         mesh_path=mesh_path,
+        made=made or {},
         tilt_rad=None if series is None else series.recorded("tilt_rad", names),
     )

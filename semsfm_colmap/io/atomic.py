@@ -1,7 +1,8 @@
 """Files and folders written whole or not at all: aside first, then renamed.
 
-Who looks sees the old one or the new one, and never half of either. What a killed process left
-aside is overwritten when the same thing is written again.
+Who looks sees the old one or the new one, and never half of either, after a power cut too: what is
+aside reaches the disk before it is renamed, and its name after. What a killed process left aside is
+overwritten when the same thing is written again.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.io.disk import full_disk_is_said, sync, to_disk
 
 MAX_NAME_BYTES = 200
 """File systems take names of 255 bytes: longer ones than this are cut aside."""
@@ -44,11 +46,15 @@ def file_aside(path: Path, *, shared: bool = False) -> Iterator[Path]:
 
     When the block fails, what it wrote is removed and `path` is as it was.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
+    with full_disk_is_said(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
     aside = aside_path(path, shared=shared)
     try:
-        yield aside
-        os.replace(aside, path)
+        with full_disk_is_said(path):
+            yield aside
+            sync(aside)
+            os.replace(aside, path)
+            sync(path.parent)
     except BaseException:
         with suppress(OSError):
             aside.unlink(missing_ok=True)
@@ -63,10 +69,13 @@ def folder_aside(path: Path) -> Iterator[Path]:
     """
     aside = aside_path(path)
     shutil.rmtree(aside, ignore_errors=True)
-    aside.mkdir(parents=True)
     try:
-        yield aside
-        replace_folder(aside, path)
+        with full_disk_is_said(path):
+            aside.mkdir(parents=True)
+            yield aside
+            to_disk(aside)
+            replace_folder(aside, path)
+            sync(path.parent)
     except BaseException:
         shutil.rmtree(aside, ignore_errors=True)
         raise

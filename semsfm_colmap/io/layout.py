@@ -46,3 +46,8 @@ GONIOMETER_FILE = "goniometer.json"
 """How the specimen was turned, in the report's folder."""
 LOG_FILE = "semsfm.log"
 """What was said while running."""
+LOCK_FILE = ".semsfm.lock"
+"""Held while a process works on a project. It marks the folder as ours from the first moment,
+before there is a run.json: a run that is killed while it prepares the images can be repeated."""
+FILES = (SERIES_FILE, DATABASE_FILE, CONFIG_FILE, RECORD_FILE, LOG_FILE, LOCK_FILE)
+"""What begins so at the top of a project is written by a run."""

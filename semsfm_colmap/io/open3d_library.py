@@ -6,6 +6,7 @@ import importlib
 from typing import Any
 
 from semsfm_colmap.errors import MissingDependencyError
+from semsfm_colmap.io.interrupt import signals_held
 
 DEBIAN_PACKAGES = "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0 libgomp1"
 """What the open3d wheel links against and a bare Debian image may lack."""
@@ -21,7 +22,8 @@ def import_open3d() -> Any:
 
     """
     try:
-        return importlib.import_module("open3d")
+        with signals_held():  # it takes Ctrl-C for a failure of its own
+            return importlib.import_module("open3d")
     except ModuleNotFoundError as error:
         if error.name != "open3d":
             raise

@@ -16,9 +16,10 @@ from semsfm_colmap.colmap.model.sparse import read_model, write_model
 from semsfm_colmap.colmap.options import AdoptionOptions
 from semsfm_colmap.config import Config, read_config
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.pipeline.outputs import fingerprints
 from semsfm_colmap.pipeline.project import Project, locked
 from semsfm_colmap.pipeline.record import RunRecord
-from semsfm_colmap.pipeline.registry import stages_after
+from semsfm_colmap.pipeline.registry import find_stage, stages_after
 
 KEPT = "sparse_before_adoption"
 """Folder of the project that keeps the model that was replaced."""
@@ -98,7 +99,9 @@ def _mark(project: Project, model: int, change: ModelChange) -> None:
         f"{float(np.max(change.rotation_deg)):.3g} degrees; the error bars of the first solution "
         "do not hold for it and were dropped."
     )
-    record.stages["map"] = record.entry("map").with_note(note)
+    entry = record.entry("map")
+    left = fingerprints(find_stage("map"), project, entry.outputs)
+    record.stages["map"] = replace(entry.with_note(note), outputs=left)
     if model == 0:
         for name in stages_after("map"):
             if name in record.stages:

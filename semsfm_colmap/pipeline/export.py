@@ -10,7 +10,10 @@ from semsfm_colmap.exports.registry import find_format
 from semsfm_colmap.exports.scene import Summary, read_scene
 from semsfm_colmap.exports.write import export_mesh, export_scene
 from semsfm_colmap.pipeline.foreign.mesh_colmap import RECORD, read_record
+from semsfm_colmap.pipeline.outputs import command_of
 from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.record import RunRecord
+from semsfm_colmap.pipeline.registry import find_stage
 
 
 def export_project(
@@ -66,5 +69,17 @@ def export_project(
         depth_map_path=project.dense / "depth_maps" if model == 0 else None,
         mesh_path=project.mesh / "mesh.ply" if model == 0 else None,
         series=project.read_series() if project.series.is_file() else None,
+        made=made_files(project),
     )
     return export_scene(scene, format_name, target, options)
+
+
+def made_files(project: Project) -> dict[Path, str]:
+    """The depth maps and masks that run.json says there are, with what makes them again."""
+    record = RunRecord.read(project.record)
+    made = {}
+    for name, folder in (("densify", project.dense / "depth_maps"), ("ingest", project.masks)):
+        command = command_of(find_stage(name), project, record)
+        paths = [project.path / output for output in record.entry(name).outputs]
+        made.update({path: command for path in paths if path.is_relative_to(folder)})
+    return made

@@ -23,9 +23,10 @@ from semsfm_colmap.ingest.series.file import (
     write_series,
 )
 from semsfm_colmap.io.atomic import write_bytes
+from semsfm_colmap.pipeline.outputs import fingerprints
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 from semsfm_colmap.pipeline.record import RunRecord, StageEntry, hash_file, hash_text
-from semsfm_colmap.pipeline.registry import STAGES
+from semsfm_colmap.pipeline.registry import STAGES, find_stage
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.pipeline.stages.ingest import pixels
@@ -81,6 +82,7 @@ def merge_projects(
     check_sources(sources, project)
     check_output(project, [place for stage in STAGES for place in stage.places])
     with locked(project):
+        check_replaced(project, force=force)
         series = copy_series(sources, project, config, reporter)
     names = ("extract", "match")
     record = run_stages(project.path, config, names=names, reporter=reporter, force=force)
@@ -103,6 +105,16 @@ def check_sources(sources: Sequence[Project], project: Project) -> None:
                 f"{source.path} is not a semsfm project: run `semsfm reconstruct` on its images "
                 "first"
             )
+
+
+def check_replaced(project: Project, *, force: bool) -> None:
+    """Refuse to put a merged series in the place of the one that a project was made from."""
+    made_from = RunRecord.read(project.record).image_path
+    if made_from and not force:
+        raise UsageError(
+            f"{project.path} was made from the images of {made_from}: give another --output_path, "
+            "or --force to replace all of it"
+        )
 
 
 def series_labels(paths: Sequence[Path]) -> list[str]:
@@ -171,7 +183,9 @@ def copy_series(
         ),
         product=pixels(project),
     )
-    record.stages["ingest"] = entry
+    left = fingerprints(find_stage("ingest"), project, {})
+    record.image_path, record.inputs = "", {}
+    record.stages["ingest"] = replace(entry, outputs=left)
     record.write()
     reporter.say(f"{len(frames)} images of {len(sources)} series: {', '.join(merged.series_names)}")
     return merged
@@ -188,7 +202,8 @@ def copy_file(source: Path, target: Path) -> None:
         content = source.read_bytes()
     except OSError as error:
         raise InputError(
-            f"{source} cannot be read ({error.strerror}): prepare the images of that project again"
+            f"{source} cannot be read ({error.strerror}): prepare the images of that "
+            f"project again: `semsfm extract IMAGES --output_path PROJECT`"
         ) from error
     write_bytes(content, target)
 

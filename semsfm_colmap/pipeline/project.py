@@ -14,11 +14,8 @@ from semsfm_colmap.io import layout
 if TYPE_CHECKING:
     from semsfm_colmap.types import Reconstruction, SemSeries
 
-LOCK_FILE = ".semsfm.lock"
-"""Held while a process works on a project. It marks the folder as ours from the first moment,
-before there is a run.json: a run that is killed while it prepares the images can be repeated."""
 MODELS_LOCK_FILE = ".semsfm-models.lock"
-"""The same in a folder of models, which may hold another program's project besides."""
+"""The lock of a folder of models, which may hold another program's project besides."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +132,7 @@ def check_output(project: Project, places: Iterable[str]) -> None:
     """
     if project.path.exists() and not project.path.is_dir():
         raise UsageError(f"{project.path} is a file: give a folder as --output_path")
-    if project.record.is_file() or (project.path / LOCK_FILE).is_file():
+    if project.record.is_file() or (project.path / layout.LOCK_FILE).is_file():
         return
     for name in places:
         if (project.path / name).exists():
@@ -147,7 +144,7 @@ def check_output(project: Project, places: Iterable[str]) -> None:
 
 def locked(project: Project) -> AbstractContextManager[None]:
     """Hold the project for this process; a second one is told so at once."""
-    return locked_folder(project.path, LOCK_FILE)
+    return locked_folder(project.path, layout.LOCK_FILE)
 
 
 @contextmanager

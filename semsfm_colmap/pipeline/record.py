@@ -33,6 +33,8 @@ class StageEntry:
     """of its inputs and options"""
     product: str = ""
     """what later stages depend on; empty: the key"""
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    """fingerprints of the files that it has left, by name, and of its part of the database"""
     seconds: float = 0.0
     peak_memory_mb: float = 0.0
     summary: Mapping[str, Any] = field(default_factory=dict)
@@ -70,6 +72,8 @@ class RunRecord:
     inputs: dict[str, str] = field(default_factory=dict)
     image_path: str = ""
     seed: int = 0
+    options: dict[str, Any] = field(default_factory=dict)
+    """those of the last run, as semsfm.toml has them"""
 
     @classmethod
     def read(cls, path: Path) -> RunRecord:
@@ -89,6 +93,7 @@ class RunRecord:
             inputs=dict(data.get("inputs", {})),
             image_path=str(data.get("image_path", "")),
             seed=int(data.get("seed", 0)),
+            options=dict(data.get("options", {})),
         )
 
     def write(self) -> None:
@@ -99,6 +104,7 @@ class RunRecord:
             "image_path": self.image_path,
             "seed": self.seed,
             "versions": versions(),
+            "options": self.options,
             "stages": {name: asdict(entry) for name, entry in self.stages.items()},
             "inputs": self.inputs,
         }

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from semsfm_colmap.io.terminal import printable_line, tell
 from semsfm_colmap.pipeline.progress import display, phases_shown
 
 LOGGER = logging.getLogger("semsfm")
+
+
+class LogFile(logging.FileHandler):
+    """A log that is no reason to fail: on a full disk the run says so itself."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Pass over a line that cannot be written."""
 
 
 class Reporter:
@@ -26,7 +33,7 @@ class Reporter:
         """Append to a log file from now on, what was said before included."""
         if self._file == path:
             return
-        handler = logging.FileHandler(path, encoding="utf-8")
+        handler = LogFile(path, encoding="utf-8")
         handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%d %H:%M:%S"))
         LOGGER.setLevel(logging.INFO)
         LOGGER.propagate = False
@@ -41,7 +48,8 @@ class Reporter:
         """Let go of the log file."""
         for handler in self._handlers:
             LOGGER.removeHandler(handler)
-            handler.close()
+            with suppress(OSError):
+                handler.close()
         self._handlers.clear()
         self._file = None
 

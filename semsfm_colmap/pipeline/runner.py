@@ -2,92 +2,56 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from semsfm_colmap.config import Config, options_key, without_executor, write_config
-from semsfm_colmap.errors import ClusterError, InputError, SemSfmError, UsageError
-from semsfm_colmap.ingest.files.listing import source_files
+from semsfm_colmap.config import (
+    Config,
+    config_to_dict,
+    read_config,
+    without_executor,
+    write_config,
+)
+from semsfm_colmap.errors import (
+    ClusterError,
+    DiskFullError,
+    InputError,
+    MissingDependencyError,
+    SemSfmError,
+    UsageError,
+)
+from semsfm_colmap.io.disk import full_disk_is_said, sync
+from semsfm_colmap.io.temporary import remove_leftovers
 from semsfm_colmap.pipeline.executor import Executor, open_executor
+from semsfm_colmap.pipeline.fingerprint import content
+from semsfm_colmap.pipeline.keys import stage_key, standing_key
+from semsfm_colmap.pipeline.outputs import (
+    OutputCheck,
+    check_outputs,
+    command_of,
+    fingerprints,
+    keep_changed,
+)
 from semsfm_colmap.pipeline.project import Project, check_output, locked
+from semsfm_colmap.pipeline.project_options import read_project_options
 from semsfm_colmap.pipeline.record import (
     RunRecord,
     StageEntry,
-    hash_file,
     hash_text,
     peak_memory_mb,
 )
 from semsfm_colmap.pipeline.registry import STAGE_NAMES, STAGES, find_stage, stages_after
 from semsfm_colmap.pipeline.reporter import Reporter
+from semsfm_colmap.pipeline.sources import check_same_series, input_hashes, source_key
 from semsfm_colmap.pipeline.stage import Stage, StageRun
 from semsfm_colmap.records import StageRecord, to_plain
 
 STAGE_FORMAT = "4"
 """Raise it when a stage's results change for unchanged options: old projects are recomputed."""
-
-
-def input_hashes(image_path: Path, known: dict[str, str]) -> dict[str, str]:
-    """A key of every file below the image folder, sidecars included, or of a stack and its own.
-
-    Files whose size and time are those of the last run keep their key; the others are read.
-    """
-    hashes = {}
-    root = image_path if image_path.is_dir() else image_path.parent
-    for path in source_files(image_path):
-        try:
-            if path.is_symlink() and not path.exists():
-                continue
-            if not path.is_file():
-                continue
-            stat = path.stat()
-            name = path.relative_to(root).as_posix()
-            stamp = f"{stat.st_size}:{stat.st_mtime_ns}:"
-            old = known.get(name, "")
-            hashes[name] = old if old.startswith(stamp) else stamp + hash_file(path)
-        except OSError:
-            continue  # the ingest stage says what is wrong with it
-    return hashes
-
-
-def source_key(record: RunRecord) -> str:
-    """A key of the source images as the record holds them."""
-    return hash_text(
-        STAGE_FORMAT,
-        record.image_path,
-        *(f"{name} {value.rsplit(':', 1)[-1]}" for name, value in sorted(record.inputs.items())),
-    )
-
-
-def stage_key(stage: Stage, before: str, project: Project, config: Config) -> str:
-    """A key of all that shapes the results of a stage.
-
-    Parameters
-    ----------
-    before : what it sees of the stages before
-
-    """
-    files = [path for path in stage.inputs(project, config) if path.is_file()]
-    if files:
-        before = hash_text(before, *map(hash_file, files))
-    text = [options_key(getattr(config, section)) for section in stage.sections]
-    # the seed and nothing else of the top level changes a result
-    return hash_text(before, stage.name, str(config.seed), *text)
-
-
-def standing_key(entry: StageEntry, expected: str) -> str:
-    """What later stages see of a stage that is not run now: it counts as it stands.
-
-    Where that is of other options or inputs than it would be now, or nothing at all, they see that:
-    a report is of the model and of the mesh, whichever came last.
-    """
-    if entry.status != "done":
-        return hash_text(expected, "nothing")
-    if entry.product or entry.key == expected:
-        return entry.for_later_stages
-    return hash_text(expected, entry.key)
 
 
 def run_stages(
@@ -139,13 +103,19 @@ def run_stages(
     elif any(stage.founds for stage in chosen):
         raise UsageError(f"the {STAGE_NAMES[0]} stage needs the folder with the images")
     elif not project.series.is_file():
-        raise UsageError(f"{project.path} is not a semsfm project: run `semsfm extract` first")
-    with locked(project):
+        raise UsageError(
+            f"{project.path} is not a semsfm project: run `semsfm extract IMAGES --output_path "
+            f"{shlex.quote(str(project.path))}` first"
+        )
+    with locked(project), full_disk_is_said(project.path):
+        remove_leftovers(project.path)
         # another process may have written it until now
         record = RunRecord.read(project.record)
         if source is not None:
+            inputs = input_hashes(source, record.inputs, config.ingest, project.path)
+            check_same_series(project, record, source, inputs, reporter, force=force)
             record.image_path = str(source.resolve())
-            record.inputs = input_hashes(source, record.inputs)
+            record.inputs = inputs
         record.seed = config.seed
         try:
             with (
@@ -179,37 +149,85 @@ class Runner:
 
     def run(self, names: set[str]) -> None:
         """Go through all stages; run those named that are not up to date."""
-        key = source_key(self.record)
+        key = source_key(self.record, STAGE_FORMAT)
+        before = RunRecord.read(self.project.record)
+        anything = False
+        database_anew = False
         for stage in STAGES:
             key = stage_key(stage, key, self.project, self.config)
+            entry = self.record.entry(stage.name)
+            check = check_outputs(stage, self.project, entry.outputs)
             if stage.name not in names:
-                self.check_standing(stage, names)
-                key = standing_key(self.record.entry(stage.name), key)
-            elif self.is_up_to_date(stage, key) and not self.force:
+                self.check_standing(stage, names, check)
+                key = standing_key(entry, key)
+                if check.differ:
+                    key = hash_text(key, *map(content, check.found.values()))
+            elif self.record.is_done(stage.name, key) and not check.differ and not self.force:
                 self.reporter.say(f"{stage.name}: up to date")
-                key = self.record.entry(stage.name).for_later_stages
-            elif self.perform(stage, key):
-                key = self.record.entry(stage.name).for_later_stages
+                known = check.found or fingerprints(stage, self.project, {})
+                self.record.stages[stage.name] = replace(entry, outputs=known)
+                key = entry.for_later_stages
+            else:
+                if not anything:
+                    self.check_libraries(names)
+                    anything = True
+                heard = check.without_database if database_anew else check
+                database_anew |= stage.database_part is not None
+                if self.perform(stage, key, heard, wanted=wanted(stage, names)):
+                    key = self.record.entry(stage.name).for_later_stages
+        if before != self.record:
+            # stamps that have settled since: what was not touched is not read again next time
+            self.record.write()
+        self.keep_options()
 
-    def is_up_to_date(self, stage: Stage, key: str) -> bool:
-        """Whether the stage was finished with this key and its outputs are there."""
-        there = all(path.exists() for path in stage.outputs(self.project))
-        return self.record.is_done(stage.name, key) and there
+    def check_libraries(self, names: set[str]) -> None:
+        """Say now what a stage would find out after an hour."""
+        from semsfm_colmap.io.open3d_library import import_open3d
 
-    def check_standing(self, stage: Stage, names: set[str]) -> None:
-        """Refuse to run later stages on results that are not there."""
-        outputs = stage.outputs(self.project)
-        needed = not stage.optional and not names.isdisjoint(stages_after(stage.name))
-        if needed and not all(path.exists() for path in outputs):
-            raise InputError(
-                f"{outputs[0]} is missing: run `semsfm {stage.name}` on the project first"
+        for stage in map(find_stage, names):
+            if stage.needs_open3d:
+                try:
+                    import_open3d()
+                except MissingDependencyError as error:
+                    self.reporter.warn(f"{stage.name} will come to nothing: {error}")
+
+    def check_standing(self, stage: Stage, names: set[str], check: OutputCheck) -> None:
+        """Refuse to run later stages on results that are not there, and say where they are others.
+
+        A person may have changed them on purpose: they are taken as they stand.
+        """
+        if names.isdisjoint(stages_after(stage.name)) or not check.differ:
+            return
+        command = command_of(stage, self.project, self.record)
+        if check.gone and not stage.optional:
+            gone = replace(check, changed=())
+            raise InputError(f"{self.project.path}: {gone.says}: run `{command}` first")
+        if self.record.entry(stage.name).status == "done":
+            self.reporter.warn(
+                f"{stage.name}: {check.says}, and used so: `{command}` makes them as they were"
             )
 
-    def perform(self, stage: Stage, key: str) -> bool:
-        """Run a stage and keep what it says; False when an optional one has failed."""
+    def perform(self, stage: Stage, key: str, check: OutputCheck, *, wanted: bool) -> bool:
+        """Run a stage and keep what it says; False when an optional one has failed.
+
+        Parameters
+        ----------
+        check : of what an earlier run has left
+        wanted : the run is about this stage: without it there is nothing
+
+        """
         begin = time.monotonic()
+        entry = self.record.entry(stage.name)
+        if entry.key == key and entry.status == "done" and check.differ and not self.force:
+            self.reporter.warn(f"{stage.name}: {check.says}: made again")
+        for kept in keep_changed(self.project, check.changed):
+            self.reporter.warn(kept)
         # a run with the same key that was cut off goes on; anything else starts afresh
-        fresh = self.force or self.record.entry(stage.name).key != key
+        fresh = self.force or entry.key != key or entry.status == "done"
+        if stage.database_part is not None and not fresh and self.project.database.is_file():
+            from semsfm_colmap.colmap.database.content import is_sound
+
+            fresh = not is_sound(self.project.database)
         if not stage.founds:
             self.reporter.log_to(self.project.log)
             self.keep(stage, StageEntry(status="running", key=key))
@@ -224,27 +242,44 @@ class Runner:
                     fresh=fresh,
                 )
             )
-        except ClusterError:
+        except (ClusterError, DiskFullError):
             raise  # as after a kill: the same command goes on
         except SemSfmError as error:
             if not stage.founds:
                 self.keep(stage, failed(stage, time.monotonic() - begin, error))
-            if not stage.optional:
+            if wanted:
                 raise
             self.reporter.warn(f"{stage.name}: {error}")
             return False
+        if stage.database_part is not None:
+            sync(self.project.database)  # COLMAP leaves that to the system
         entry = StageEntry.done(key, time.monotonic() - begin, result)
         if stage.product is not None:
             entry = replace(entry, product=stage.product(self.project))
+        entry = replace(entry, outputs=fingerprints(stage, self.project, check.found))
         self.reporter.log_to(self.project.log)
+        self.record.options = config_to_dict(without_executor(self.config))
         self.keep(stage, entry)
-        write_config(without_executor(self.config), self.project.config)
+        self.keep_options()
         return True
+
+    def keep_options(self) -> None:
+        """Write semsfm.toml where it holds anything else, or nothing."""
+        with suppress(UsageError):
+            if read_config(self.project.config) == without_executor(self.config):
+                return
+        write_config(without_executor(self.config), self.project.config)
 
     def keep(self, stage: Stage, entry: StageEntry) -> None:
         """Put the entry of a stage into run.json."""
         self.record.stages[stage.name] = entry
         self.record.write()
+
+
+def wanted(stage: Stage, names: set[str]) -> bool:
+    """Whether the run is in vain without the stage: one that is optional, where it comes last."""
+    needs = {name for name in names if not find_stage(name).optional}
+    return not stage.optional or needs.isdisjoint(stages_after(stage.name))
 
 
 def failed(stage: Stage, seconds: float, error: SemSfmError) -> StageEntry:
@@ -271,7 +306,7 @@ def reconstruct(
     image_path : folder of PNG, JPEG or TIFF images of one specimen, tilted or rotated, or an MRC
         stack of them
     output_path : the project folder, see docs/files.md; unchanged stages of an earlier run are kept
-    config : all options; default: those of `Config`
+    config : all options; default: those that the project was made with, of a new one `Config`
     reporter : told how far it is, and what to note; default: nothing is said
 
     Returns
@@ -286,6 +321,7 @@ def reconstruct(
         A path is none of what is asked for, or the project is in use.
 
     """
+    config = config or read_project_options(Project(Path(output_path)), reporter=reporter)
     return run_stages(
         Path(output_path), config or Config(), image_path=Path(image_path), reporter=reporter
     )

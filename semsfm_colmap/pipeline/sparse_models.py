@@ -229,6 +229,14 @@ def part_notes(
     return notes
 
 
+def own_models(sparse_path: Path) -> list[Path]:
+    """The folders of models that a mapping has written; one without our sidecar is another's."""
+    from semsfm_colmap.colmap.model.sidecar import FILE_NAME
+
+    folders = sorted(sparse_path.iterdir()) if sparse_path.is_dir() else []
+    return [f for f in folders if f.name.isdigit() and (f / FILE_NAME).is_file()]
+
+
 def remove_stale_models(sparse_path: Path, count: int) -> None:
     """Models of an earlier run with higher numbers do not belong to this one.
 

@@ -11,6 +11,7 @@ from semsfm_colmap.pipeline.project import Project
 from semsfm_colmap.records import StageRecord
 
 if TYPE_CHECKING:
+    from semsfm_colmap.colmap.database.content import Part
     from semsfm_colmap.config import Config
     from semsfm_colmap.pipeline.executor import Executor
     from semsfm_colmap.pipeline.record import RunRecord
@@ -45,6 +46,20 @@ def no_files(project: Project, config: Config) -> Sequence[Path]:
     return ()
 
 
+def no_outputs(project: Project) -> Sequence[Path]:
+    """Nothing but those files without which it is not done."""
+    return ()
+
+
+def files_in(folder: Path, pattern: str = "*") -> list[Path]:
+    """All files below a folder whose names fit, hidden ones apart; none without a folder."""
+    return sorted(
+        path
+        for path in (folder.rglob(pattern) if folder.is_dir() else ())
+        if path.is_file() and not path.name.startswith(".")
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stage:
     """What shapes a stage, what it leaves behind, how to run it."""
@@ -58,6 +73,10 @@ class Stage:
     """of the configuration that its results depend on"""
     outputs: Callable[[Project], Sequence[Path]]
     """files without which it is not done"""
+    writes: Callable[[Project], Sequence[Path]] = no_outputs
+    """all other files that it has left: where one differs later, it is made again"""
+    database_part: Part | None = None
+    """what it makes of the database, which has several authors"""
     run: Callable[[StageRun], StageRecord]
     inputs: Callable[[Project, Config], Sequence[Path]] = no_files
     """files that it reads beside the results of the stage before; their content is in its key"""
@@ -67,5 +86,7 @@ class Stage:
     """Names in the project folder that another program may have left: never overwritten."""
     optional: bool = False
     """A failure is a warning, not the end: what was computed before is worth having."""
+    needs_open3d: bool = False
+    """It is seen before the first stage begins whether open3d loads."""
     founds: bool = False
     """It makes the project: before it there is no folder to keep a record in."""

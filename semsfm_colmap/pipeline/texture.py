@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from semsfm_colmap.types import Reconstruction, TriangleMesh
 
 
+TEXTURE_FILES = ("mesh.glb", "mesh.obj", "mesh.mtl", "material_0.png", "shading.json")
+"""What it writes."""
+
+
 def write_texture(
     surface: TriangleMesh,
     model: Reconstruction,

@@ -1,5 +1,6 @@
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -163,3 +164,24 @@ def test_the_version_is_that_of_the_package(capsys):
 
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"semsfm {__version__}\n"
+
+
+@pytest.mark.parametrize("stream", ["1", "2", "1 2"])
+def test_a_command_runs_without_a_terminal(tmp_path, stream):
+    closed = " ".join(f"{number}>&-" for number in stream.split())
+    command = f"{shlex.quote(sys.executable)} -m semsfm_colmap.cli.main plan --help {closed}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_who_stops_reading_the_messages_gets_no_traceback(tmp_path):
+    (tmp_path / "images").mkdir()
+    command = (
+        f"{shlex.quote(sys.executable)} -c 'import time; time.sleep(1); "
+        'from semsfm_colmap.cli.main import main; import sys; sys.exit(main(["inspect", "."]))\''
+        " 2>&1 | true; echo ${PIPESTATUS[0]}"
+    )
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.stderr) == ("141\n", "")

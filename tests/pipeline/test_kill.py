@@ -111,13 +111,14 @@ def test_a_run_that_died_while_it_prepared_the_images_can_be_repeated(
 
 @pytest.mark.slow
 def test_random_moments_of_a_run_end_with_the_same_model(tiny_images, tmp_path):
-    # scripts/kill_test.py with 50 moments is run by hand
-    script = Path(__file__).parents[2] / "scripts" / "kill_test.py"
-    command = [sys.executable, str(script), "--kills", "2", "--seed", "5"]
-    command += ["--images", str(tiny_images), "--output", str(tmp_path), "--", "--quality", "low"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=900)
+    # python -m benchmarks.reliability with 50 moments is run by hand
+    command = [sys.executable, "-m", "benchmarks.reliability", "--only", "kills"]
+    command += ["--number", "2", "--seed", "5"]
+    command += ["--images", str(tiny_images), "--output", str(tmp_path / "out")]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900, cwd=root)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "2 of 2 ended with the same model" in done.stdout
+    assert "| all | 2 | 2 |" in done.stdout
 
 
 @pytest.mark.slow

@@ -12,7 +12,8 @@ from semsfm_colmap.errors import UsageError
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.pipeline import runner
-from semsfm_colmap.pipeline.runner import STAGE_NAMES, input_hashes, reconstruct, run_stages
+from semsfm_colmap.pipeline.runner import STAGE_NAMES, reconstruct, run_stages
+from semsfm_colmap.pipeline.sources import input_hashes
 from semsfm_colmap.records import StageRecord
 from tests.ingest.stacks import textures, write_stack
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from semsfm_colmap.colmap.database.work import open_database
+from semsfm_colmap.colmap.database.work import open_database, transaction
 from semsfm_colmap.colmap.library import pycolmap
 
 DATABASE_FOCAL_FACTOR = 100.0
@@ -24,7 +24,8 @@ def register_images(
     with open_database(database_path, create=True) as db:
         if db.num_images() > 0:
             return
-        with pycolmap.DatabaseTransaction(db):
+        rows = 2 * len(names) + 2 * len(set(sizes_px))
+        with transaction(db, database_path, rows, 0):
             camera_of: dict[tuple[int, int], int] = {}
             for number, (width, height) in enumerate(dict.fromkeys(sizes_px), start=1):
                 camera = pycolmap.Camera(

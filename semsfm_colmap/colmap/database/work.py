@@ -11,9 +11,18 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.colmap.database.checks import check_writable, database_sentence
-from semsfm_colmap.colmap.library import pycolmap
+from semsfm_colmap.colmap.library import pycolmap, without_log_lines
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.disk import full_disk_is_said, require_space
 from semsfm_colmap.types import Array, Float, Int
+
+TRANSACTION_BYTES = 1 << 18
+"""For the log and its index, the pages of the tables' trees, and those that are freed."""
+ROW_BYTES = 1 << 14
+"""What a row may take beside its data: its own pages and those of the indices, in both files."""
+INDEX_BYTES = 4
+GEOMETRY_BYTES = 1024
+"""Matrices and poses of a two-view geometry."""
 
 ImagePair = tuple[int, int]
 """COLMAP image ids, the smaller one first."""
@@ -39,16 +48,32 @@ def open_database(path: Path, *, create: bool = False) -> Iterator[Any]:
         check_writable(path, unfinished=create)
     elif not create:
         raise InputError(f"{path} does not exist: run `semsfm extract` first")
-    try:
-        database = pycolmap.Database.open(str(path))
-    except RuntimeError as error:
-        raise InputError(database_sentence(path, error)) from error
-    try:
-        yield database
-    except RuntimeError as error:
-        raise InputError(database_sentence(path, error)) from error
-    finally:
-        database.close()
+    with full_disk_is_said(path.parent):
+        try:
+            with without_log_lines():  # what it says there, the error says
+                database = pycolmap.Database.open(str(path))
+        except RuntimeError as error:
+            raise InputError(database_sentence(path, error)) from error
+        try:
+            yield database
+        except RuntimeError as error:
+            raise InputError(database_sentence(path, error)) from error
+        finally:
+            database.close()
+
+
+@contextmanager
+def transaction(database: Any, path: Path, num_rows: int, num_bytes: int) -> Iterator[None]:
+    """A transaction for which there is space: a commit that fails ends the process in pycolmap.
+
+    Parameters
+    ----------
+    num_rows, num_bytes : that are written, at most; they go to the log first, then to the file
+
+    """
+    require_space(path, TRANSACTION_BYTES + 2 * num_bytes + ROW_BYTES * num_rows)
+    with pycolmap.DatabaseTransaction(database):
+        yield
 
 
 def read_images(path: Path) -> list[DatabaseImage]:
@@ -117,7 +142,8 @@ def write_features(
 
     """
     columns = keypoints.shape[1] // 2 * 2
-    with open_database(path) as db, pycolmap.DatabaseTransaction(db):
+    size = keypoints.size * 4 + (0 if descriptors is None else descriptors[1].nbytes)
+    with open_database(path) as db, transaction(db, path, 2, size):
         db.write_keypoints(image_id, np.ascontiguousarray(keypoints[:, :columns], dtype=np.float32))
         if descriptors is not None:
             kind, data = descriptors
@@ -152,14 +178,15 @@ def pairs_without_matches(path: Path, pairs: Sequence[ImagePair]) -> list[ImageP
 
 def clear_matches(path: Path) -> None:
     """Forget all matches and two-view geometries."""
-    with open_database(path) as db, pycolmap.DatabaseTransaction(db):
+    with open_database(path) as db, transaction(db, path, 0, path.stat().st_size // 100):
         db.clear_two_view_geometries()
         db.clear_matches()
 
 
 def write_matches(path: Path, matches: Mapping[ImagePair, Array]) -> None:
     """Write matches of pairs that have none yet."""
-    with open_database(path) as db, pycolmap.DatabaseTransaction(db):
+    size = sum(rows.size * INDEX_BYTES for rows in matches.values())
+    with open_database(path) as db, transaction(db, path, len(matches), size):
         for (first, second), rows in matches.items():
             db.write_matches(first, second, np.ascontiguousarray(rows, dtype=np.uint32))
 
@@ -176,7 +203,8 @@ def write_two_view_geometries(
 
     """
     configuration = pycolmap.TwoViewGeometryConfiguration
-    with open_database(path) as db, pycolmap.DatabaseTransaction(db):
+    size = sum(rows.size * INDEX_BYTES + GEOMETRY_BYTES for _, rows in geometries.values())
+    with open_database(path) as db, transaction(db, path, len(geometries), size):
         db.clear_two_view_geometries()
         for (first, second), (F, rows) in geometries.items():
             geometry = pycolmap.TwoViewGeometry()
@@ -220,7 +248,14 @@ def replace_appended_keypoints(
     """
     configuration = pycolmap.TwoViewGeometryConfiguration
     num_measured = {image_id: number for image_id, (number, _) in keypoints.items()}
-    with open_database(path) as db, pycolmap.DatabaseTransaction(db):
+    # the tables are written anew, at most six columns a keypoint, all matches once more
+    size = sum((number + len(xy)) * 6 * 4 for number, xy in keypoints.values())
+    size += sum(rows.size * INDEX_BYTES + GEOMETRY_BYTES for _, rows in geometries.values())
+    with open_database(path) as db:
+        pair_ids, known = db.read_two_view_geometries()
+        size += sum(len(g.inlier_matches) * 2 * INDEX_BYTES for g in known)
+        num_rows = len(keypoints) + len(geometries) + len(pair_ids)
+    with open_database(path) as db, transaction(db, path, num_rows, size):
         for image_id, (number, xy) in keypoints.items():
             stored = np.asarray(db.read_keypoints(image_id), dtype=np.float32)[:number]
             if len(xy) == 0 and db.num_keypoints_for_image(image_id) == number:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.ingest.files.mrc import STACK_SUFFIXES, companion_files, is_stack, section_names
-from semsfm_colmap.io.layout import FOLDERS, MASKS_FOLDER, SERIES_FILE
+from semsfm_colmap.io.layout import FILES, FOLDERS, MASKS_FOLDER, SERIES_FILE
 from semsfm_colmap.io.terminal import printable_line
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
@@ -78,11 +78,45 @@ def _is_image(file: str) -> bool:
     return not file.startswith(".") and file.lower().endswith(IMAGE_SUFFIXES)
 
 
-def source_files(image_path: Path) -> list[Path]:
-    """All files that a run may read: those below a folder, or a stack and what lies beside it."""
+def source_files(image_path: Path, project_path: Path | None = None) -> list[Path]:
+    """All files that a run may read: those below a folder, or a stack and what lies beside it.
+
+    Parameters
+    ----------
+    project_path : is passed by where it lies below the folder; None: there is none
+
+    """
     if is_stack(image_path):
         return [image_path, *companion_files(image_path)]
-    return sorted(image_path.rglob("*"))
+    return files_below(image_path, project_path)
+
+
+def files_below(folder: Path, without: Path | None = None) -> list[Path]:
+    """All files below a folder in a fixed order, links followed, each real folder once.
+
+    Parameters
+    ----------
+    without : a project, which may lie below or be the folder itself: its files are passed by
+
+    """
+    project = None if without is None else without.resolve()
+    skipped = set() if project is None else {project, *(project / name for name in FOLDERS)}
+    found: list[Path] = []
+    seen: set[tuple[int, int]] = set()
+    for place, folders, files in os.walk(folder, followlinks=True):
+        status = os.stat(place)
+        if (status.st_dev, status.st_ino) in seen:
+            folders.clear()
+            continue
+        seen.add((status.st_dev, status.st_ino))
+        folders[:] = sorted(
+            name
+            for name in folders
+            if not name.startswith(".") and Path(place, name).resolve() not in skipped
+        )
+        own = FILES if project is not None and Path(place).resolve() == project else ()
+        found += [Path(place, name) for name in files if not name.startswith(own)]
+    return sorted(found)
 
 
 def check_image_path(image_path: Path) -> None:

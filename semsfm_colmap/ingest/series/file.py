@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -73,7 +74,7 @@ def read_series(path: Path) -> SemSeries:
         )
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(
-            f"{path} is damaged ({type(error).__name__}: {error}); prepare the images again."
+            f"{path} is damaged ({type(error).__name__}: {error}); {_again(path)}"
         ) from error
 
 
@@ -94,23 +95,24 @@ def read_written_files(path: Path) -> WrittenFiles:
         return WrittenFiles(images=set(), masks=set())
 
 
+def _again(path: Path) -> str:
+    """What makes the file again."""
+    project = shlex.quote(str(path.parent))
+    return f"prepare the images again: `semsfm extract IMAGES --output_path {project}`."
+
+
 def _load(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(
-            f"{path} cannot be read ({error.strerror}); prepare the images first."
-        ) from error
+        raise InputError(f"{path} cannot be read ({error.strerror}); {_again(path)}") from error
     except ValueError as error:
-        raise InputError(
-            f"{path} is not valid JSON ({error}); prepare the images again."
-        ) from error
+        raise InputError(f"{path} is not valid JSON ({error}); {_again(path)}") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InputError(f"{path} is not a series file; prepare the images again.")
+        raise InputError(f"{path} is not a series file; {_again(path)}")
     if content.get("version") != VERSION:
         raise InputError(
-            f"{path} has version {content.get('version')} but {VERSION} is known; "
-            "prepare the images again."
+            f"{path} has version {content.get('version')} but {VERSION} is known; {_again(path)}"
         )
     return content
 

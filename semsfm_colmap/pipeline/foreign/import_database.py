@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -27,9 +28,10 @@ from semsfm_colmap.pipeline.foreign.map_database import (
     size_on_disk,
     verify_database,
 )
+from semsfm_colmap.pipeline.outputs import check_outputs, fingerprints
 from semsfm_colmap.pipeline.project import Project, locked
 from semsfm_colmap.pipeline.record import RunRecord, StageEntry, hash_file, hash_text
-from semsfm_colmap.pipeline.registry import stages_after
+from semsfm_colmap.pipeline.registry import find_stage, stages_after
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.records import ExtractRecord, MatchRecord, PairStatistics
@@ -128,9 +130,15 @@ def import_database(
     key = hash_text("import", ingested, database_key)
     match_key = hash_text(key, str(config.seed), options_key(config.matching))
     done = record.is_done("extract", key) and record.is_done("match", match_key)
-    if done and project.database.is_file() and not force:
-        reporter.say("extract, match: up to date")
-        return
+    checks = [
+        check_outputs(find_stage(name), project, record.entry(name).outputs)
+        for name in ("extract", "match")
+    ]
+    if done and not force:
+        if not any(check.differ for check in checks):
+            reporter.say("extract, match: up to date")
+            return
+        reporter.warn(f"{project.database} is not as it was left: filled again from the database")
     reporter.log_to(project.log)
     for name, stage_key in (("extract", key), ("match", match_key)):
         record.stages[name] = StageEntry(status="running", key=stage_key)
@@ -145,6 +153,9 @@ def import_database(
         ids = [image.image_id for image in images]
         matched = copy_matches(reader, ids, usable_xy, series, aside, config, reporter)
         record.stages["match"] = StageEntry.done(match_key, time.monotonic() - begin, matched)
+    for name in ("extract", "match"):
+        left = fingerprints(find_stage(name), project, {})
+        record.stages[name] = replace(record.stages[name], outputs=left)
     record.write()
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.atomic import folder_aside
 from semsfm_colmap.io.layout import DENSE_FOLDER
 from semsfm_colmap.pipeline.depth_maps import write_depth_maps
-from semsfm_colmap.pipeline.stage import Stage, StageRun
+from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.stage import Stage, StageRun, files_in
 from semsfm_colmap.records import DensifyRecord
 
 
@@ -66,12 +69,20 @@ def run(on: StageRun) -> DensifyRecord:
     )
 
 
+def dense_files(project: Project) -> list[Path]:
+    """The depth maps, and where the halves of the series differ."""
+    from semsfm_colmap.pipeline.stages.half_surfaces import FILE_NAME
+
+    return [*files_in(project.dense, FILE_NAME), *files_in(project.dense / "depth_maps")]
+
+
 STAGE = Stage(
     name="densify",
     help="depth maps and their fusion",
     description="Depth maps by parallel-ray stereo, and their fusion.",
     sections=("surface",),
     outputs=lambda p: [p.dense / "fused.ply"],
+    writes=dense_files,
     run=run,
     places=(DENSE_FOLDER,),
     optional=True,

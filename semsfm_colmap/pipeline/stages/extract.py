@@ -78,6 +78,7 @@ STAGE = Stage(
     description="Read and prepare the images of a folder, find keypoints in them.",
     sections=("features",),
     outputs=lambda p: [p.database],
+    database_part="features",
     run=run,
     places=(DATABASE_FILE,),
 )

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
-
+from semsfm_colmap.io.temporary import temporary_folder
 from semsfm_colmap.pipeline.depth_maps import write_depth_maps
 from semsfm_colmap.pipeline.stage import StageRun
 from semsfm_colmap.records import SurfaceHalves
@@ -54,10 +52,8 @@ def half_surface(on: StageRun, part: Reconstruction) -> PointCloud:
 
     project, options = on.project, on.config.surface
     references = choose_references(part.cameras, options.max_num_depth_maps)
-    with TemporaryDirectory(dir=project.dense, prefix=".half-") as folder:
-        names = write_depth_maps(
-            on, part, references, Path(folder), "depth maps of half of the frames"
-        )
+    with temporary_folder(project.dense) as folder:
+        names = write_depth_maps(on, part, references, folder, "depth maps of half of the frames")
         with on.reporter.progress("fusing half of the frames") as progress:
             return fuse(
                 DepthMapFolder(folder, names),

@@ -48,12 +48,22 @@ def pixels(project: Project) -> str:
     return hash_text(*(f"{path.name} {hash_file(path)}" for path in files))
 
 
+def prepared_files(project: Project) -> list[Path]:
+    """The images and masks that series.json names: others may lie beside them."""
+    from semsfm_colmap.ingest.series.file import read_written_files
+
+    written = read_written_files(project.series)
+    images = [project.images / name for name in written.images]
+    return sorted(images + [project.masks / name for name in written.masks])
+
+
 STAGE = Stage(
     name="ingest",
     help="read and prepare the images",
     description="Read and prepare the images of a folder.",
     sections=("ingest",),
     outputs=lambda p: [p.series, p.images],
+    writes=prepared_files,
     run=run,
     product=pixels,
     places=(IMAGES_FOLDER,),

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from semsfm_colmap.io.layout import SPARSE_FOLDER
-from semsfm_colmap.pipeline.stage import Stage, StageRun
+from semsfm_colmap.pipeline.stage import Stage, StageRun, files_in
 from semsfm_colmap.records import ExtractRecord, MapRecord, TrackCounts
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from semsfm_colmap.config import Config
     from semsfm_colmap.pipeline.project import Project
     from semsfm_colmap.pipeline.record import RunRecord
@@ -91,12 +93,21 @@ def build_observations(
     return observations, joined, dict(zip(names, keypoints, strict=True))
 
 
+def files_of_models(project: Project) -> Sequence[Path]:
+    """The files of all models that a mapping has written."""
+    from semsfm_colmap.pipeline.sparse_models import own_models
+
+    return [path for folder in own_models(project.sparse) for path in files_in(folder)]
+
+
 STAGE = Stage(
     name="map",
     help="cameras and points: factorization, filtering, bundle adjustment",
     description="Cameras and points from the verified matches of a project.",
     sections=("tracks", "factorization", "guided", "refinement", "export"),
     outputs=lambda p: [p.sparse / "0" / "points3D.bin", p.sparse / "0" / "orthographic.json"],
+    writes=files_of_models,
+    database_part="guided",
     run=run,
     # the first to ask for more of the series than its pixels: size, tilts, warnings
     inputs=lambda p, _: [p.series],

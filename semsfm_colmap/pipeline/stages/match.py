@@ -126,6 +126,7 @@ STAGE = Stage(
     description="Match image pairs and verify them with affine epipolar geometry.",
     sections=("matching",),
     outputs=lambda p: [p.database],
+    database_part="matches",
     run=run,
     inputs=files_of_order,
 )

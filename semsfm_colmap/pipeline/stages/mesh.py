@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.layout import MESH_FOLDER
 from semsfm_colmap.pipeline.project import Project
-from semsfm_colmap.pipeline.stage import Stage, StageRun
+from semsfm_colmap.pipeline.stage import Stage, StageRun, files_in
+from semsfm_colmap.pipeline.texture import TEXTURE_FILES
 from semsfm_colmap.records import MeshRecord
 from semsfm_colmap.segmentation.names import CLOUD_FILE
 from semsfm_colmap.segmentation.options import ALL
@@ -69,8 +70,10 @@ STAGE = Stage(
     description="Surface mesh and texture.",
     sections=("surface", "segmentation"),
     outputs=lambda p: [p.mesh / "mesh.ply"],
+    writes=lambda p: [path for name in TEXTURE_FILES for path in files_in(p.mesh, name)],
     run=run,
     inputs=labels,
     places=(MESH_FOLDER,),
     optional=True,
+    needs_open3d=True,
 )

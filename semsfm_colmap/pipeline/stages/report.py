@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from semsfm_colmap.io.layout import GONIOMETER_FILE
 from semsfm_colmap.pipeline.feature_study import TABLE as STUDY_TABLE
-from semsfm_colmap.pipeline.stage import Stage, StageRun
+from semsfm_colmap.pipeline.stage import Stage, StageRun, files_in
 from semsfm_colmap.records import DensifyRecord, MapRecord, MatchRecord, ReportRecord
 
 if TYPE_CHECKING:
@@ -99,6 +99,7 @@ STAGE = Stage(
     description="Metrics and HTML report.",
     sections=(),
     outputs=lambda p: [p.report / "report.html", p.report / "metrics.json"],
+    writes=lambda p: files_in(p.report / "figures"),
     run=run,
     inputs=lambda p, _: [p.report / GONIOMETER_FILE, p.feature_study / STUDY_TABLE],
 )

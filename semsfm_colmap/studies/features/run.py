@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.features.registry import descriptor_entry, detector_parts
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.io.temporary import temporary_folder
 from semsfm_colmap.studies.features.figures import write_figures
 from semsfm_colmap.studies.features.images import load_images
 from semsfm_colmap.studies.features.options import CompareOptions
@@ -33,7 +33,7 @@ def compare_features(
     for descriptor in options.study.descriptors:
         descriptor_entry(descriptor)
     truth = load_truth(truth_path) if truth_path is not None else None
-    with tempfile.TemporaryDirectory(prefix="semsfm-") as folder:
+    with temporary_folder() as folder:
         images = load_images(
             Path(image_path), Path(folder), options, ingest, truth, parallel_map=parallel_map
         )
