@@ -26,7 +26,7 @@ from semsfm_colmap.ingest.inspect.overlap import (
 from semsfm_colmap.ingest.inspect.rows import InspectionRow, row_of, unusable_row
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.series.crops import choose_crops
-from semsfm_colmap.ingest.series.overrides import apply_scale_bar, apply_table
+from semsfm_colmap.ingest.series.overrides import apply_scale_bars, apply_table
 from semsfm_colmap.ingest.series.refusals import check_options, no_images_message
 from semsfm_colmap.ingest.series.scan import check_copy
 from semsfm_colmap.ingest.series.table import read_series_table
@@ -115,7 +115,8 @@ def _look_at(path: Path, name: str, options: IngestOptions, seen: dict[bytes, st
 def _settle(looks: list[_Look], options: IngestOptions) -> tuple[list[_Look], list[str]]:
     """Apply table, scale bar and the common crop, as `prepare_series` does."""
     images, problems = choose_crops([look.image for look in looks], options)
-    images = [apply_scale_bar(image, options.scale_bar_um) for image in images]
+    images, more = apply_scale_bars(images, options)
+    problems += more
     if options.series_csv and images:
         images, more = apply_table(images, read_series_table(options.series_csv))
         problems += more
