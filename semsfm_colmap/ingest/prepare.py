@@ -174,7 +174,7 @@ def _prepare_image(
     )
     write_bytes(content, project_path / IMAGES_FOLDER / name)
     record.grey_range[name] = grey_range
-    problems = masks.add(image, name, np.asarray(grey), raw.coloured)
+    problems = masks.add(image, name, np.asarray(grey), raw)
     return SemFrame(
         name=name,
         width_px=x1 - x0,

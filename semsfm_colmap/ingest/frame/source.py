@@ -112,7 +112,7 @@ def _scale_bar(
     bar = None if row is None else find_scale_bar(levels[row:])
     if bar is None:
         coloured = None if raw.coloured is None else raw.coloured[:row]
-        lossy = raw.header.format == "jpeg"
+        lossy = raw.header.lossy
         bar = find_bar_over_image(levels[:row], coloured, lossy=lossy)
     if bar is not None:
         return bar, None
@@ -126,7 +126,7 @@ def _scale_bar(
 
 def _databar_row(raw: RawImage, reading: MetadataReading) -> tuple[int | None, str | None]:
     """The databar's first row from the pixels, checked against what the vendor says."""
-    lossy = raw.header.format == "jpeg"
+    lossy = raw.header.lossy
     seen = find_databar(raw.pixels, lossy=lossy)
     if seen is None and raw.coloured is not None:
         seen = coloured_databar(raw.coloured)

@@ -49,9 +49,7 @@ def scan_images(
             check_copy(raw, name, seen)
             images.append(image)
             if image.size in constant or len(constant) < MAX_SIZES:
-                constant[image.size].add(
-                    _without_databar(image, raw), lossy=image.header.format == "jpeg"
-                )
+                constant[image.size].add(_without_databar(image, raw), lossy=image.header.lossy)
         except UnreadableImageError as error:
             problems.append(f"{name}: {error} Left out.")
         if progress:
