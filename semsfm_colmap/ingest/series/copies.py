@@ -31,14 +31,17 @@ SIDE_PX = 256
 """Longer side of the reduced frames that are compared."""
 FIRST_SIDE_PX = 24
 """Side of those that choose which pairs to compare."""
-FIRST_CORRELATION = 0.97
+FIRST_CORRELATION = 0.9
 MAX_CANDIDATES = 4
 """A frame is compared with so many others: those most like it."""
 MAX_DIFFERENCE = 0.7
 """Difference of one view from itself, relative to the contrast: noise is less than the image."""
-MAX_STRUCTURE = 0.3
+MAX_STRUCTURE = 0.22
 """Correlation of neighbouring pixels of a difference: noise has 0, the interpolation of a shift
-makes 0.2 of it, and a specimen turned by a degree 0.6 and more."""
+makes 0.1 of it, and a specimen turned by a degree 0.5 and more."""
+MAX_SHIFT = 0.1
+"""Shift of a view taken again, relative to the longer side."""
+ALIGN_STEPS = 20
 ROUNDING = 0.5
 """Grey levels of a difference in which no structure is looked for."""
 SHARED_NOISE = 0.6
@@ -148,9 +151,7 @@ def _difference(first: Array, second: Array) -> tuple[Float, float]:
     import cv2
 
     a, b = first.astype(np.float32), second.astype(np.float32)
-    shift, _ = cv2.phaseCorrelate(a, b)
-    if not np.isfinite(shift).all() or np.abs(shift).max() > 0.1 * max(a.shape):
-        shift = (0.0, 0.0)
+    shift = _shift(a, b)
     if np.abs(shift).max() > 0.1:
         move = np.array([[1, 0, shift[0]], [0, 1, shift[1]]], dtype=np.float32)
         a = np.asarray(cv2.warpAffine(a, move, a.shape[::-1], flags=cv2.INTER_CUBIC))
@@ -160,6 +161,24 @@ def _difference(first: Array, second: Array) -> tuple[Float, float]:
     power = float((a * a).sum())
     gain = float((a * b).sum()) / power if power > 0 else 0.0
     return np.asarray(b - gain * a, dtype=np.float64), float(b.std())
+
+
+def _shift(a: Array, b: Array) -> tuple[float, float]:
+    """How far the second frame lies from the first, px; nothing where that cannot be said."""
+    import cv2
+
+    window = cv2.createHanningWindow(a.shape[::-1], cv2.CV_32F)
+    a, b = a.copy(), b.copy()  # both routines below work in place
+    (x, y), _ = cv2.phaseCorrelate(a.copy(), b.copy(), window)
+    move = np.array([[1, 0, x], [0, 1, y]], dtype=np.float32)
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, ALIGN_STEPS, 1e-3)
+    try:
+        _, move = cv2.findTransformECC(a, b, move, cv2.MOTION_TRANSLATION, stop, None, 3)
+    except cv2.error:  # it found no better one, or nothing overlaps
+        return 0.0, 0.0
+    x, y = float(move[0, 2]), float(move[1, 2])
+    usual = max(abs(x), abs(y)) <= MAX_SHIFT * max(a.shape)
+    return (x, y) if usual else (0.0, 0.0)
 
 
 def _structure(difference: Float) -> float:

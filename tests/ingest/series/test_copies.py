@@ -27,7 +27,8 @@ def clean(seed: int) -> np.ndarray:
     """A texture without the grain of its own."""
     import cv2
 
-    return np.asarray(cv2.GaussianBlur(np.array(texture(seed), order="C"), (0, 0), 4)).astype(float)
+    smooth = cv2.GaussianBlur(np.array(texture(seed), order="C"), (0, 0), 3).astype(float)
+    return np.asarray(128 + 2.5 * (smooth - smooth.mean()))
 
 
 def noisy(image: np.ndarray, seed: int, sigma: float = 6.0) -> np.ndarray:
@@ -90,7 +91,7 @@ def test_a_view_taken_again_is_kept_and_said(folder: Path, shift: float) -> None
     assert said[0] in inspect_images(folder, OPTIONS).remarks
 
 
-@pytest.mark.parametrize("stretch", [0.98, 0.99])
+@pytest.mark.parametrize("stretch", [0.97, 0.98])
 def test_a_specimen_that_turned_a_little_is_another_view(folder: Path, stretch: float) -> None:
     import cv2
 
