@@ -56,6 +56,10 @@ def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceIma
     low, high = raw.pixels.min(), raw.pixels.max()
     if low == high:
         raise UnreadableImageError(f"every pixel has the value {low:g}, there is nothing to see.")
+    row = None
+    if options.crop is None and options.detect_databar:
+        row = _seen_databar(raw)
+    header = replace(header, image_rows=row)
     reading = read_metadata(path, header)
     warnings = list(reading.warnings)
     if not suffix_matches(path, header):
@@ -70,9 +74,8 @@ def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceIma
             f"{int(raw.invalid.sum())} pixels are nan or infinite: set to the darkest value"
         )
     height, width = raw.pixels.shape
-    row = None
     if options.crop is None and options.detect_databar:
-        row, warning = _databar_row(raw, reading)
+        row, warning = _databar_row(raw, row, reading)
         warnings.extend([warning] if warning else [])
     bar = None
     if (options.scale_bar_um or reading.scale_bar_um) is not None:
@@ -124,12 +127,19 @@ def _scale_bar(
     )
 
 
-def _databar_row(raw: RawImage, reading: MetadataReading) -> tuple[int | None, str | None]:
-    """The databar's first row from the pixels, checked against what the vendor says."""
-    lossy = raw.header.lossy
-    seen = find_databar(raw.pixels, lossy=lossy)
+def _seen_databar(raw: RawImage) -> int | None:
+    """The databar's first row from the pixels."""
+    seen = find_databar(raw.pixels, lossy=raw.header.lossy)
     if seen is None and raw.coloured is not None:
         seen = coloured_databar(raw.coloured)
+    return seen
+
+
+def _databar_row(
+    raw: RawImage, seen: int | None, reading: MetadataReading
+) -> tuple[int | None, str | None]:
+    """The databar's first row as it was seen, checked against what the vendor says."""
+    lossy = raw.header.lossy
     said = reading.image_rows
     if said is None and reading.databar_rows is not None:
         # The bar may have been cut off since: believe the number only if the rows look drawn.
