@@ -29,7 +29,7 @@ from semsfm_colmap.ingest.series.file import (
     read_written_files,
     write_series,
 )
-from semsfm_colmap.ingest.series.overrides import apply_scale_bar, apply_table
+from semsfm_colmap.ingest.series.overrides import apply_scale_bars, apply_table
 from semsfm_colmap.ingest.series.pixel_size import leave_out_magnifications, series_pixel_size
 from semsfm_colmap.ingest.series.refusals import (
     check_enough,
@@ -131,8 +131,11 @@ def _with_overrides(
     images: Sequence[SourceImage], table: SeriesTable | None, options: IngestOptions
 ) -> tuple[list[SourceImage], list[str]]:
     """Complete the metadata by scale bar and table, the table having the last word."""
-    changed = [apply_scale_bar(image, options.scale_bar_um) for image in images]
-    return apply_table(changed, table) if table else (changed, [])
+    changed, problems = apply_scale_bars(images, options)
+    if table is None:
+        return changed, problems
+    changed, more = apply_table(changed, table)
+    return changed, [*problems, *more]
 
 
 def _keeps_jpeg(image: SourceImage) -> bool:
@@ -171,7 +174,7 @@ def _prepare_image(
     )
     write_bytes(content, project_path / IMAGES_FOLDER / name)
     record.grey_range[name] = grey_range
-    problems = masks.add(image, name, np.asarray(grey), raw.coloured)
+    problems = masks.add(image, name, np.asarray(grey), raw)
     return SemFrame(
         name=name,
         width_px=x1 - x0,

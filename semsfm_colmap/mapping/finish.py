@@ -193,7 +193,9 @@ def find_cues(context: SeriesContext, refined: Refined, first: Refined) -> dict[
         first.cameras, first.points, first.observations, context.image_size_px[first.images]
     )
     edge = context.refinement.receding_edge
-    if context.tilt is not None and edge != "unknown":
+    # with the stage's rotation the axis of the tilt turns in the specimen: no turn about one axis
+    rotates = context.tilt is not None and context.tilt.rotation_rad is not None
+    if context.tilt is not None and edge != "unknown" and not rotates:
         known, sigma = known_tilts(context.tilt, context.names_of(refined.images))
         cues["known tilt"] = known_tilt_cue(
             refined.cameras, known, axis_from_receding_edge(edge), float(np.nanmedian(sigma))

@@ -9,9 +9,8 @@ import numpy as np
 from semsfm_colmap.geometry.rotations import rotation_from_vector, vector_from_rotation
 from semsfm_colmap.mapping.context import SeriesContext
 from semsfm_colmap.motion.check import check_tilt
-from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.refinement.flatness import CLEAR_EXCESS, Flatness, flatness
-from semsfm_colmap.refinement.known_angles import angle_prior
+from semsfm_colmap.refinement.known_angles import stage_angle_prior
 from semsfm_colmap.refinement.refine import Refined, adjust_with_angles
 from semsfm_colmap.types import Solution
 
@@ -47,7 +46,7 @@ def settle_flat(context: SeriesContext, refined: Refined, found: Flatness) -> So
     if context.tilt is None:
         return Solution(value=None, status="planar", message=found.message)
     names = list(context.names_of(refined.images))
-    known = angle_prior(*known_tilts(context.tilt, names))
+    known = stage_angle_prior(context.tilt, names)
     R = np.asarray(refined.cameras.cam_from_world)
     seen = check_tilt(context.tilt, names, R)
     if known is None or not abs(seen.factor) > 0.0:

@@ -17,6 +17,8 @@ def without_depth(rank: RankDiagnosis, tilt: TiltPrior | None, names: list[str])
     if tilt is not None and rank.status == "pure_translation":
         known = np.rad2deg(known_tilts(tilt, names)[0])
         known = known[np.isfinite(known)]
+        if tilt.rotation_rad is not None:
+            return rank.status, rank.message  # the stage rotated, too
         span = float(np.ptp(known)) if len(known) > 1 else np.nan
         if span < EQUAL_TILTS_DEG:
             return (

@@ -10,10 +10,9 @@ from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.mapping.context import SeriesContext
 from semsfm_colmap.motion.check import check_displacements, check_tilt
 from semsfm_colmap.motion.combine import combine_tilt
-from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import TiltAgreement
 from semsfm_colmap.refinement.displaced import Displacement
-from semsfm_colmap.refinement.known_angles import angle_prior
+from semsfm_colmap.refinement.known_angles import stage_angle_prior
 from semsfm_colmap.refinement.model_choice import total_rotation
 from semsfm_colmap.refinement.refine import Refined, adjust_with_angles
 from semsfm_colmap.refinement.trust import (
@@ -50,7 +49,7 @@ def with_known_tilt(
         factor=None if np.isnan(check.factor) else check.factor,
         tolerance=None if np.isnan(check.tolerance) else check.tolerance,
     )
-    known = angle_prior(*known_tilts(tilt, names))
+    known = stage_angle_prior(tilt, names)
     uncertainty = uncertainty_of(refined, height_px, displacement)
     if not check.consistent or known is None or uncertainty is None or np.isnan(check.factor):
         return refined, agreement, [check.message]

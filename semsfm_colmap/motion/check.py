@@ -21,6 +21,7 @@ from semsfm_colmap.motion.axis import AxisRotation, fit_axis
 from semsfm_colmap.motion.prior import MIN_RANGE_DEG, TiltPrior, known_tilts
 from semsfm_colmap.motion.readout import fit_readout, follow_readout
 from semsfm_colmap.motion.small_tilt import MAX_DRIFT, tilt_error, tilt_tolerance
+from semsfm_colmap.motion.stage import known_rotations, rotation_line
 from semsfm_colmap.types import Bool, Float
 
 MIN_TILTS = 3
@@ -31,6 +32,9 @@ MAX_ROUGHNESS = 4.0
 """Scatter about the line, in standard deviations of the prior, above which frames are named."""
 
 
+MAX_SCATTER = 0.1
+"""Share of the rotation by which views may lie off tilt and rotation of the stage; beyond, the
+record is not of this series, or there is more to the stage."""
 MAX_DEPARTURE = 0.02
 """Share of the rotation by which displacements may depart from proportion: belts and stages are
 straight to one or two percent."""
@@ -65,6 +69,9 @@ class TiltCheck:
 def check_tilt(prior: TiltPrior, image_names: Sequence[str], cam_from_world: Float) -> TiltCheck:
     """Compare estimated rotations (M, 3, 3), in acquisition order, with the known tilts."""
     known, sigma = known_tilts(prior, image_names)
+    rotations = known_rotations(prior, image_names)
+    if rotations is not None:
+        return _check_rotations(prior, image_names, rotations, sigma, cam_from_world)
     rows = np.isfinite(known)
     axis = fit_axis(cam_from_world)
     axis_note = _axis_note(prior, axis)
@@ -94,6 +101,44 @@ def check_tilt(prior: TiltPrior, image_names: Sequence[str], cam_from_world: Flo
         message += f"; the tilt of {abbreviate(outliers)} does not fit the others"
     if axis_note:
         message += f"; {axis_note}"
+    return TiltCheck(
+        consistent=consistent, factor=line.slope, tolerance=tolerance, factor_sigma=factor_sigma,
+        outliers=outliers, message=message,
+    )  # fmt: skip
+
+
+def _check_rotations(
+    prior: TiltPrior, image_names: Sequence[str], known: Float, sigma_rad: Float, seen: Float
+) -> TiltCheck:
+    """Compare with tilt and rotation of the stage together."""
+    rows = np.flatnonzero(np.isfinite(known).all(axis=(1, 2)))
+    line = rotation_line(known[rows], np.asarray(seen)[rows])
+    if line is None:
+        there = np.isin(np.arange(len(known)), rows)
+        return TiltCheck(consistent=True, message=_why_no_line(prior, there))
+    factor_sigma = float(np.median(sigma_rad[rows])) / line.leverage_rad
+    tolerance = tilt_tolerance(line.seen_range_rad, factor_sigma)
+    off = line.residual_rad
+    limit = np.maximum(MAX_ROUGHNESS * sigma_rad[rows], 3 * MAD_TO_SIGMA * float(np.median(off)))
+    outliers = tuple(image_names[k] for k in rows[off > limit])
+    scattered = float(np.median(off)) > MAX_SCATTER * line.seen_range_rad
+    consistent = abs(line.slope - 1) <= tolerance and not scattered
+    degrees = math.degrees(line.seen_range_rad)
+    if consistent:
+        message = (
+            f"the estimated rotation is {line.slope:.3f} times that of the stage's tilt and "
+            f"rotation together, within the {100 * tolerance:.0f} % that can be told from "
+            f"{degrees:.0f} degrees"
+        )
+    else:
+        message = (
+            f"the tilts and rotations of the stage ({prior.source}) turn the specimen by up to "
+            f"{math.degrees(line.known_range_rad):.1f} degrees, but the images show {degrees:.1f}"
+            + (", and between other views" if scattered else "")
+            + ": check the recorded tilts and rotations; they are not obeyed"
+        )
+    if outliers and consistent:
+        message += f"; the tilt or rotation of {abbreviate(outliers)} does not fit the others"
     return TiltCheck(
         consistent=consistent, factor=line.slope, tolerance=tolerance, factor_sigma=factor_sigma,
         outliers=outliers, message=message,

@@ -30,6 +30,9 @@ class TiltPrior:
     axis_image_rad: float | None
     """Direction of the axis in the images, from x toward y; None = to be estimated."""
     source: str
+    rotation_rad: Float | None = None
+    """(M,) of the stage about its normal (`motion.stage`), nan where unknown; None where it does
+    not vary"""
 
     @property
     def range_rad(self) -> float:

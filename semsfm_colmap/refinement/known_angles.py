@@ -11,12 +11,15 @@ alone. The sign of the rotation is not used: it is the hand, which other evidenc
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 
 from semsfm_colmap.geometry.rotations import vector_from_rotation
+from semsfm_colmap.motion.prior import TiltPrior, known_tilts
+from semsfm_colmap.motion.stage import known_rotations, rotation_pairs
 from semsfm_colmap.types import Float, Int
 
 TARGET_RAD = np.deg2rad(60.0)
@@ -54,6 +57,32 @@ class AnglePrior:
         free = cols >= 0
         J = sparse.csr_array((values[free], (rows[free], cols[free])), shape=(P, num_params))
         return r, J
+
+
+def stage_angle_prior(prior: TiltPrior, names: Sequence[str]) -> AnglePrior | None:
+    """Pairs of some images from what is known of the stage: tilts, or tilts and rotations."""
+    tilt, sigma = known_tilts(prior, names)
+    rotations = known_rotations(prior, names)
+    if rotations is None:
+        return angle_prior(tilt, sigma)
+    there = np.isfinite(rotations).all(axis=(1, 2))
+    if there.sum() < 2:
+        return None
+    _, angles = rotation_pairs(rotations, np.pi, 0.0)
+    span = float(angles.max(initial=0.0))
+    if span < MIN_RAD:
+        return None
+    apart = max(min(TARGET_RAD, span / 2.0), MIN_RAD)
+    pairs, angle = rotation_pairs(rotations, apart, MIN_RAD)
+    good = angle < np.deg2rad(170.0)
+    if not good.any():
+        return None
+    pairs, angle = pairs[good], angle[good]
+    return AnglePrior(
+        pairs=pairs,
+        angle_rad=angle,
+        sigma_rad=np.sqrt(2.0 * (sigma[pairs] ** 2).sum(axis=1)),
+    )
 
 
 def angle_prior(known_rad: Float, sigma_rad: Float) -> AnglePrior | None:

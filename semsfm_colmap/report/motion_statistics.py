@@ -8,7 +8,9 @@ import numpy as np
 
 from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.motion.axis import AxisRotation, fit_axis
-from semsfm_colmap.motion.check import tilt_line
+from semsfm_colmap.motion.check import TiltLine, tilt_line
+from semsfm_colmap.motion.prior import MIN_RANGE_DEG
+from semsfm_colmap.motion.stage import RotationLine, rotation_line, stage_rotations
 from semsfm_colmap.records import TiltAgreement
 from semsfm_colmap.report.frames import Frames
 from semsfm_colmap.report.inputs import ReportInputs
@@ -93,11 +95,20 @@ def _closure(series: AxisRotation, R: Float) -> ClosureMetrics:
 
 
 def _against_stage_tilt(
-    tilt_rad: Float, angle_rad: Float, judged: TiltAgreement | None
+    tilt_rad: Float, rotation_rad: Float, angle_rad: Float, R: Float, judged: TiltAgreement | None
 ) -> StageTiltMetrics | None:
-    """The line of the angles over the recorded tilts, and what mapping said of the two."""
+    """The line of the angles over those recorded, and what mapping said of the two.
+
+    Where the stage rotated, too, the angles between views are compared.
+    """
     known = np.isfinite(tilt_rad)
-    line = tilt_line(tilt_rad[known], angle_rad[known])
+    line: TiltLine | RotationLine | None
+    turned = known & np.isfinite(rotation_rad)
+    if turned.sum() >= 2 and np.ptp(rotation_rad[turned]) >= np.deg2rad(MIN_RANGE_DEG):
+        known = turned
+        line = rotation_line(stage_rotations(tilt_rad, rotation_rad)[known], R[known])
+    else:
+        line = tilt_line(tilt_rad[known], angle_rad[known])
     if line is None:
         return None
     compared = judged is not None and judged.factor is not None
@@ -115,6 +126,12 @@ def stage_tilt_rad(inputs: ReportInputs, frames: Frames) -> Float:
     tilt = {frame.name: frame.metadata.tilt_rad for frame in inputs.series.frames}
     values = [tilt.get(frames.names[k]) for k in frames.registered]
     return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
+
+
+def stage_rotation_rad(inputs: ReportInputs, frames: Frames) -> Float:
+    """(M,) recorded rotation of the stage of the registered images, nan where there is none."""
+    names = [frames.names[k] for k in frames.registered]
+    return inputs.series.recorded("stage_rotation_rad", names)
 
 
 def motion_statistics(
@@ -165,5 +182,7 @@ def motion_statistics(
         min_step_deg=float(step.min()),
         max_step_deg=float(step.max()),
         closure=_closure(series, R),
-        stage_tilt=_against_stage_tilt(tilt, series.angle_rad, inputs.tilt),
+        stage_tilt=_against_stage_tilt(
+            tilt, stage_rotation_rad(inputs, frames), series.angle_rad, R, inputs.tilt
+        ),
     ), columns

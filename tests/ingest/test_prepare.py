@@ -58,7 +58,7 @@ def test_the_originals_are_untouched(folder: Path, tmp_path: Path) -> None:
 def test_two_images_that_would_get_one_name_are_refused(folder: Path, tmp_path: Path) -> None:
     for i in range(3):
         save(folder / f"{i}.png", with_databar(texture(i)))
-    save(folder / "1.jpg", with_databar(texture(1)), quality=95)
+    save(folder / "1.jpg", with_databar(texture(7)), quality=95)
     with pytest.raises(InputError, match=r"both 1\.jpg and 1\.png would be prepared as 1\.png"):
         prepare_series(folder, tmp_path / "p", OPTIONS)
 

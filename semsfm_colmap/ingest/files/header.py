@@ -24,3 +24,9 @@ class ImageHeader:
     """The page of a TIFF that holds the image."""
     orientation: int = 1
     """EXIF orientation; 1 = as stored."""
+    lossy: bool = False
+    """Whether the pixels were compressed with loss, so that drawn values are only nearly exact."""
+    image_rows: int | None = None
+    """Rows above a databar that was seen in the pixels."""
+    num_pages: int = 1
+    """Pages of the size of this one that the file holds."""

@@ -9,10 +9,11 @@ from pathlib import Path
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.ingest.files.mrc import STACK_SUFFIXES, companion_files, is_stack, section_names
+from semsfm_colmap.ingest.files.raster import SUFFIXES
 from semsfm_colmap.io.layout import FILES, FOLDERS, MASKS_FOLDER, SERIES_FILE
 from semsfm_colmap.io.terminal import printable_line
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+IMAGE_SUFFIXES = tuple(suffix for kind, of in SUFFIXES.items() if kind != "mrc" for suffix in of)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,9 @@ SUFFIXES = {
     "tiff": (".tif", ".tiff"),
     "bmp": (".bmp",),
     "mrc": (".mrc",),
+    "jpeg2000": (".jp2", ".j2k", ".j2c", ".jpx", ".jpf"),
+    "webp": (".webp",),
+    "gif": (".gif",),
 }
 _MAGIC = (
     (b"\x89PNG\r\n\x1a\n", "png"),
@@ -42,6 +45,10 @@ _MAGIC = (
     (b"II+\x00", "tiff"),
     (b"MM\x00+", "tiff"),
     (b"BM", "bmp"),
+    (b"\x00\x00\x00\x0cjP  \r\n\x87\n", "jpeg2000"),
+    (b"\xff\x4f\xff\x51", "jpeg2000"),
+    (b"GIF87a", "gif"),
+    (b"GIF89a", "gif"),
 )
 
 
@@ -57,6 +64,8 @@ class RawImage:
     """(H, W) True where the file holds nan or infinity; None if nowhere."""
     coloured: Array | None = None
     """(H, W) True where colour is drawn into a grey image; None if nowhere."""
+    transparent: Array | None = None
+    """(H, W) True where the file says that there is no image; None if nowhere."""
 
 
 def read_header(path: Path, max_pixels: int) -> ImageHeader:
@@ -73,8 +82,12 @@ def read_header(path: Path, max_pixels: int) -> ImageHeader:
     if not start:
         raise UnreadableImageError("the file is empty; copy it again from the microscope.")
     kind = next((name for magic, name in _MAGIC if start.startswith(magic)), None)
+    if start[:4] == b"RIFF" and start[8:12] == b"WEBP":
+        kind = "webp"
     if kind is None:
-        raise UnreadableImageError("is not a PNG, JPEG, TIFF or BMP image, whatever its suffix.")
+        raise UnreadableImageError(
+            "is not a PNG, JPEG, TIFF or BMP image, nor JPEG 2000, WebP, GIF, whatever its suffix."
+        )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -104,14 +117,16 @@ def read_pixels(path: Path, header: ImageHeader) -> RawImage:
             warnings.simplefilter("ignore")
             if header.format == "png":
                 _check_amount(path, header)
+            plain, has_alpha = False, False
             if header.format == "tiff":
-                array, plain = decode_tiff(path, header), False
+                array, has_alpha = decode_tiff(path, header)
             elif header.format == "mrc":
-                array, plain = decode_section(path, header), False
+                array = decode_section(path, header)
             elif header.format == "png" and header.bits == 16:
-                array, plain = _decode_png16(path), False
+                array = _decode_png16(path)
+                has_alpha = array.ndim == 3 and array.shape[2] in (2, 4)
             else:
-                array, plain = _decode_pillow(path, header)
+                array, plain, has_alpha = _decode_pillow(path, header)
     except InputError:
         raise
     except MemoryError as error:
@@ -122,8 +137,9 @@ def read_pixels(path: Path, header: ImageHeader) -> RawImage:
         raise UnreadableImageError(
             f"the pixels cannot be decoded ({_short(error)}); the file is damaged or truncated."
         ) from error
-    grey = _to_grey(array)
-    coloured = drawn_colour(array, lossy=header.format == "jpeg")
+    transparent = _transparent(array[..., -1]) if has_alpha else None
+    grey = _to_grey(array[..., :-1] if has_alpha else array)
+    coloured = drawn_colour(array, lossy=header.lossy)
     if grey.shape != (header.height, header.width):
         raise UnreadableImageError(
             f"{grey.shape[::-1]} pixels were decoded but the header says "
@@ -141,8 +157,23 @@ def read_pixels(path: Path, header: ImageHeader) -> RawImage:
         grey = _oriented(grey, header.orientation)
         invalid = None if invalid is None else _oriented(invalid, header.orientation)
         coloured = None if coloured is None else _oriented(coloured, header.orientation)
+        transparent = None if transparent is None else _oriented(transparent, header.orientation)
         plain = False
-    return RawImage(pixels=grey, header=header, plain=plain, invalid=invalid, coloured=coloured)
+    return RawImage(
+        pixels=grey,
+        header=header,
+        plain=plain,
+        invalid=invalid,
+        coloured=coloured,
+        transparent=transparent,
+    )
+
+
+def _transparent(alpha: Array) -> Array | None:
+    """Where less than half of a pixel is there; None if nowhere, or everywhere."""
+    full = np.iinfo(alpha.dtype).max if alpha.dtype.kind in "ui" else 1.0
+    missing = np.asarray(alpha < 0.5 * full)
+    return missing if missing.any() and not missing.all() else None
 
 
 def suffix_matches(path: Path, header: ImageHeader) -> bool:
@@ -176,15 +207,17 @@ def _pillow_header(path: Path, kind: str) -> ImageHeader:
             with path.open("rb") as file:
                 bits = file.read(25)[24]
         # Of a PNG without it before the pixels, Pillow would decode these to look behind them.
-        has_exif = kind == "jpeg" or "exif" in image.info
+        has_exif = kind in ("jpeg", "webp") or "exif" in image.info
         orientation = int(image.getexif().get(274, 1)) if has_exif else 1
         return ImageHeader(
             format=kind,
             width=width,
             height=height,
-            bits=max(bits, 8),
+            bits=16 if image.mode.startswith("I;16") else max(bits, 8),
             channels=len(image.getbands()),
             orientation=orientation if 1 <= orientation <= 8 else 1,
+            lossy=kind in ("jpeg", "jpeg2000", "webp"),
+            num_pages=int(getattr(image, "n_frames", 1)) if kind in ("gif", "webp") else 1,
         )
 
 
@@ -198,17 +231,20 @@ def _check_amount(path: Path, header: ImageHeader) -> None:
         )
 
 
-def _decode_pillow(path: Path, header: ImageHeader) -> tuple[Array, bool]:
+def _decode_pillow(path: Path, header: ImageHeader) -> tuple[Array, bool, bool]:
+    """Samples, whether they are these very 8-bit grey values, and whether the last is alpha."""
     with _pillow_image(path, header.format) as image:
         image.load()
         plain = image.mode == "L" or (header.format == "jpeg" and image.mode == "RGB")
+        if "transparency" in image.info or image.mode in ("PA", "La", "RGBa"):
+            return np.asarray(image.convert("RGBA")), False, True
         if image.mode in ("L", "RGB"):
-            return np.asarray(image), plain
-        if image.mode == "LA":
-            return np.asarray(image)[..., 0], False
-        if image.mode == "I;16":
-            return np.asarray(image, dtype=np.uint16), False
-        return np.asarray(image.convert("RGB")), False
+            return np.asarray(image), plain, False
+        if image.mode in ("LA", "RGBA"):
+            return np.asarray(image), False, True
+        if image.mode.startswith("I;16"):
+            return np.asarray(image).astype(np.uint16), False, False
+        return np.asarray(image.convert("RGB")), False, False
 
 
 def _decode_png16(path: Path) -> Array:

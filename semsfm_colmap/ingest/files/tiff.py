@@ -15,6 +15,8 @@ MAX_CHANNELS = 16
 MAX_BITS = 64
 MAX_COMPRESSION = 20_000
 """Deflate reaches 1032, LZW and run lengths less, JPEG and its like some thousands."""
+LOSSY_COMPRESSION = (6, 7, 33003, 33005, 34712, 34892, 50001, 50002)
+"""JPEG, JPEG 2000 and their like; WebP, JPEG XL."""
 MAX_PAGES = 32
 """Pages of a TIFF looked at to find the first full-size one."""
 
@@ -52,7 +54,21 @@ def tiff_header(path: Path) -> ImageHeader:
             channels=int(page.samplesperpixel),
             page=best,
             orientation=_tiff_orientation(page),
+            lossy=int(page.compression) in LOSSY_COMPRESSION,
+            num_pages=_num_pages(tiff, pages, best),
         )
+
+
+def _num_pages(tiff: Any, looked_at: list[Any], best: int) -> int:
+    """Pages of the size of the best one; of a long stack all are taken to be alike."""
+    size = (looked_at[best].imagewidth, looked_at[best].imagelength)
+    alike = [not p.is_reduced and (p.imagewidth, p.imagelength) == size for p in looked_at]
+    if len(looked_at) < MAX_PAGES or not all(alike):
+        return sum(alike)
+    try:
+        return len(tiff.pages)
+    except Exception:  # a damaged later page
+        return sum(alike)
 
 
 def _tiff_orientation(page: Any) -> int:
@@ -69,8 +85,11 @@ def _full_size_page(pages: list[Any]) -> int:
     return int(np.argmax(area))
 
 
-def decode_tiff(path: Path, header: ImageHeader) -> Array:
-    """Samples (H, W) or (H, W, C) of the page that `header` describes, 0 = black."""
+def decode_tiff(path: Path, header: ImageHeader) -> tuple[Array, bool]:
+    """Samples (H, W) or (H, W, C) of the page that `header` describes, 0 = black.
+
+    Also whether the last channel says how opaque a pixel is.
+    """
     with open_tiff(path) as tiff:
         page = tiff.pages[header.page]
         if int(page.imagedepth) != 1:
@@ -81,12 +100,37 @@ def decode_tiff(path: Path, header: ImageHeader) -> Array:
             array = np.moveaxis(array, 0, -1)
         photometric = int(page.photometric)
         if photometric == 3 and page.colormap is not None:
-            return _apply_palette(array, np.asarray(page.colormap))
+            return _apply_palette(array, np.asarray(page.colormap)), False
         if array.dtype == np.bool_:
             array = array.astype(np.uint8) * 255
-        if photometric == 0 and array.dtype.kind == "u":
-            array = np.iinfo(array.dtype).max - array
-        return array
+        if photometric == 5 and array.ndim == 3 and array.shape[-1] >= 4:
+            return _rgb_of_inks(array), False
+        if photometric == 8 and array.ndim == 3:
+            return array[..., 0], False  # CIELAB
+        has_alpha = array.ndim == 3 and _says_alpha(page)
+        if photometric == 0:
+            samples = array[..., :1] if has_alpha else array
+            if array.dtype.kind in "ui":
+                samples = ~samples
+            elif array.dtype.kind == "f":
+                samples = -samples
+            array = np.concatenate([samples, array[..., 1:]], axis=-1) if has_alpha else samples
+        return array, has_alpha
+
+
+def _says_alpha(page: Any) -> bool:
+    """Whether the one sample beyond grey or RGB is associated or unassociated alpha."""
+    extra = tuple(int(kind) for kind in page.extrasamples)
+    return len(extra) == 1 and extra[0] in (1, 2)
+
+
+def _rgb_of_inks(array: Array) -> Array:
+    """Cyan, magenta, yellow and black (H, W, 4 or more), 0 = no ink, as RGB."""
+    if array.dtype.kind not in "u":
+        raise UnreadableImageError(f"inks of type {array.dtype} are not understood; save as grey.")
+    full = float(np.iinfo(array.dtype).max)
+    light = 1.0 - array[..., :4].astype(np.float64) / full
+    return np.asarray(np.rint(full * light[..., :3] * light[..., 3:]).astype(array.dtype))
 
 
 def _check_amount(page: Any, header: ImageHeader) -> None:

@@ -29,6 +29,8 @@ MAX_FRACTION = 0.4
 """A databar takes at most this part of the height (TESCAN's, the tallest known, takes 0.19)."""
 MIN_ROWS = 10
 """Fewer rows cannot hold legible text."""
+SMALL_PART = 9
+"""Of an image that was reduced since, so small a part of the height will do."""
 MIN_BACKGROUND = 0.35
 """Part of a drawn row that has the background's value; dense text leaves about half."""
 MIN_LINE = 0.93
@@ -39,7 +41,8 @@ INK_CONTRAST = 50
 """Grey levels between writing and background."""
 INK_RANGE = (0.002, 0.5)
 """Part of the bar that is writing."""
-MIN_INK_ROWS = 6
+MIN_INK_ROWS, MIN_SMALL_INK_ROWS = 6, 4
+"""Rows of writing; of an image that was reduced fewer, a third of the bar."""
 MIN_DRAWN_ROWS = 0.95
 """Part of the rows of a bar of known height that must look drawn."""
 MAX_FLOAT = 0.012
@@ -61,6 +64,7 @@ def find_databar(pixels: Array, *, lossy: bool = False) -> int | None:
     if height < 4 * MIN_ROWS or width < 4 * MIN_ROWS:
         return None
     tolerance = LOSSY_TOLERANCE if lossy else 1
+    least = min(MIN_ROWS, max(MIN_INK_ROWS, height // SMALL_PART))
     first = height - int(MAX_FRACTION * height)
     part = grey[first:].astype(np.int16)
     mode = np.array([_mode(row, tolerance) for row in part])
@@ -71,7 +75,7 @@ def find_databar(pixels: Array, *, lossy: bool = False) -> int | None:
         return None
     above = np.flatnonzero(~drawn[: last + 1])
     top = int(above[-1]) + 1 if len(above) else 0
-    for row in range(top, last + 2 - MIN_ROWS):
+    for row in range(top, last + 2 - least):
         if fraction[row] < MIN_LINE:
             continue
         below_image = row > 0 and row == top
@@ -116,9 +120,8 @@ def _has_writing(bar: Array, tolerance: int) -> bool:
     ink = np.abs(bar - _mode(bar, tolerance)) >= INK_CONTRAST
     # A full-width line is no writing.
     ink = ink & (ink.mean(axis=1) < MIN_LINE)[:, None]
-    return bool(
-        INK_RANGE[0] <= ink.mean() <= INK_RANGE[1] and (ink.sum(axis=1) >= 3).sum() >= MIN_INK_ROWS
-    )
+    rows = min(MIN_INK_ROWS, max(MIN_SMALL_INK_ROWS, len(bar) // 3))
+    return bool(INK_RANGE[0] <= ink.mean() <= INK_RANGE[1] and (ink.sum(axis=1) >= 3).sum() >= rows)
 
 
 def _mode(values: Array, tolerance: int) -> int:

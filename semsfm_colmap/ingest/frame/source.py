@@ -14,7 +14,11 @@ from semsfm_colmap.ingest.frame.databar import (
     to_levels,
 )
 from semsfm_colmap.ingest.frame.enhance import changes_pixels
-from semsfm_colmap.ingest.frame.scale_bar import find_scale_bar
+from semsfm_colmap.ingest.frame.scale_bar import (
+    ScaleBar,
+    find_bar_over_image,
+    find_scale_bar,
+)
 from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.types import Array
@@ -34,7 +38,7 @@ class SourceImage:
     reading: MetadataReading
     databar_row: int | None = None
     scale_bar_px: float | None = None
-    """Length of the scale bar drawn in the databar, where it was looked for."""
+    """Length of the scale bar drawn in the databar or over the image, where it was looked for."""
     crop: Crop = (0, 0, 0, 0)
     changes: bool = False
     """Whether an option changes the pixels, so that the file cannot be copied."""
@@ -52,6 +56,10 @@ def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceIma
     low, high = raw.pixels.min(), raw.pixels.max()
     if low == high:
         raise UnreadableImageError(f"every pixel has the value {low:g}, there is nothing to see.")
+    row = None
+    if options.crop is None and options.detect_databar:
+        row = _seen_databar(raw)
+    header = replace(header, image_rows=row)
     reading = read_metadata(path, header)
     warnings = list(reading.warnings)
     if not suffix_matches(path, header):
@@ -66,15 +74,13 @@ def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceIma
             f"{int(raw.invalid.sum())} pixels are nan or infinite: set to the darkest value"
         )
     height, width = raw.pixels.shape
-    row = None
     if options.crop is None and options.detect_databar:
-        row, warning = _databar_row(raw, reading)
+        row, warning = _databar_row(raw, row, reading)
         warnings.extend([warning] if warning else [])
     bar = None
-    if row is not None and (options.scale_bar_um or reading.scale_bar_um) is not None:
-        bar = find_scale_bar(to_levels(raw.pixels)[row:])
-        if bar is None:
-            warnings.append("no scale bar was found in the databar")
+    if (options.scale_bar_um or reading.scale_bar_um) is not None:
+        bar, warning = _scale_bar(raw, row, reading, options)
+        warnings.extend([warning] if warning else [])
     image = SourceImage(
         name=name,
         path=path,
@@ -96,12 +102,44 @@ def check_content(cropped: Array) -> None:
         raise UnreadableImageError("every pixel of the cropped image has the same value.")
 
 
-def _databar_row(raw: RawImage, reading: MetadataReading) -> tuple[int | None, str | None]:
-    """The databar's first row from the pixels, checked against what the vendor says."""
-    lossy = raw.header.format == "jpeg"
-    seen = find_databar(raw.pixels, lossy=lossy)
+def _scale_bar(
+    raw: RawImage, row: int | None, reading: MetadataReading, options: IngestOptions
+) -> tuple[ScaleBar | None, str | None]:
+    """The scale bar in the databar, else over the image; and what to say where there is none.
+
+    Below a crop of the user's is where the databar is.
+    """
+    levels = to_levels(raw.pixels)
+    if row is None and options.crop is not None and options.crop[3] < len(levels):
+        row = options.crop[3]
+    bar = None if row is None else find_scale_bar(levels[row:])
+    if bar is None:
+        coloured = None if raw.coloured is None else raw.coloured[:row]
+        lossy = raw.header.lossy
+        bar = find_bar_over_image(levels[:row], coloured, lossy=lossy)
+    if bar is not None:
+        return bar, None
+    if options.scale_bar_um is None and reading.metadata.pixel_size_um is not None:
+        return None, None  # only the header speaks of one, and the scale is known
+    where = "over the image" if row is None else "in the databar or over the image"
+    return None, (
+        f"no scale bar was found {where}, or several of different lengths; give pixel_size_um"
+    )
+
+
+def _seen_databar(raw: RawImage) -> int | None:
+    """The databar's first row from the pixels."""
+    seen = find_databar(raw.pixels, lossy=raw.header.lossy)
     if seen is None and raw.coloured is not None:
         seen = coloured_databar(raw.coloured)
+    return seen
+
+
+def _databar_row(
+    raw: RawImage, seen: int | None, reading: MetadataReading
+) -> tuple[int | None, str | None]:
+    """The databar's first row as it was seen, checked against what the vendor says."""
+    lossy = raw.header.lossy
     said = reading.image_rows
     if said is None and reading.databar_rows is not None:
         # The bar may have been cut off since: believe the number only if the rows look drawn.

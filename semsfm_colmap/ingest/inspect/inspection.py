@@ -25,10 +25,10 @@ from semsfm_colmap.ingest.inspect.overlap import (
 )
 from semsfm_colmap.ingest.inspect.rows import InspectionRow, row_of, unusable_row
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.series.copies import View, leave_out_copies, view_of
 from semsfm_colmap.ingest.series.crops import choose_crops
-from semsfm_colmap.ingest.series.overrides import apply_scale_bar, apply_table
+from semsfm_colmap.ingest.series.overrides import apply_scale_bars, apply_table
 from semsfm_colmap.ingest.series.refusals import check_options, no_images_message
-from semsfm_colmap.ingest.series.scan import check_copy
 from semsfm_colmap.ingest.series.table import read_series_table
 
 
@@ -48,6 +48,7 @@ class _Look:
     image: SourceImage
     quality: FrameQuality
     features: ReducedFeatures
+    view: View
 
 
 def inspect_images(
@@ -64,16 +65,16 @@ def inspect_images(
         raise InputError(no_images_message(image_path, found.warnings))
     rows: dict[str, InspectionRow] = {}
     looks: list[_Look] = []
-    seen: dict[bytes, str] = {}
     for count, name in enumerate(found.names):
         try:
-            looks.append(_look_at(image_path / name, name, options, seen))
+            looks.append(_look_at(image_path / name, name, options))
         except UnreadableImageError as error:
             rows[name] = unusable_row(image_path / name, name, str(error), options)
         if progress:
             progress(count + 1, len(found.names))
     remarks = list(found.warnings)
-    kept, problems = _settle(looks, options)
+    kept, problems, repeated = _settle(looks, options)
+    remarks += repeated
     for name in {look.image.name for look in looks} - {look.image.name for look in kept}:
         why = next(problem for problem in problems if problem.startswith(f"{name}: "))
         problems.remove(why)
@@ -100,22 +101,34 @@ def inspect_images(
     )
 
 
-def _look_at(path: Path, name: str, options: IngestOptions, seen: dict[bytes, str]) -> _Look:
+def _look_at(path: Path, name: str, options: IngestOptions) -> _Look:
     image, raw = scan_image(path, name, options)
-    check_copy(raw, name, seen)
     x0, y0, x1, y1 = options.crop or image.crop
     cropped = raw.pixels[y0:y1, x0:x1]
     if cropped.size:
         check_content(cropped)
     grey, _ = to_grey8(cropped if cropped.size else raw.pixels, options.range_percentiles)
     grey = np.asarray(grey)
-    return _Look(image=image, quality=measure(grey), features=reduced_features(grey))
+    return _Look(
+        image=image,
+        quality=measure(grey),
+        features=reduced_features(grey),
+        view=view_of(image, raw),
+    )
 
 
-def _settle(looks: list[_Look], options: IngestOptions) -> tuple[list[_Look], list[str]]:
-    """Apply table, scale bar and the common crop, as `prepare_series` does."""
-    images, problems = choose_crops([look.image for look in looks], options)
-    images = [apply_scale_bar(image, options.scale_bar_um) for image in images]
+def _settle(looks: list[_Look], options: IngestOptions) -> tuple[list[_Look], list[str], list[str]]:
+    """Leave out copies; apply table, scale bar and the common crop, as `prepare_series` does.
+
+    Also sentences about images left out, and about views that come again.
+    """
+    keep, copies, repeated = leave_out_copies(
+        [look.image for look in looks], [look.view for look in looks]
+    )
+    images, problems = choose_crops([looks[k].image for k in keep], options)
+    problems = [*copies, *problems]
+    images, more = apply_scale_bars(images, options)
+    problems += more
     if options.series_csv and images:
         images, more = apply_table(images, read_series_table(options.series_csv))
         problems += more
@@ -125,7 +138,7 @@ def _settle(looks: list[_Look], options: IngestOptions) -> tuple[list[_Look], li
         for look in looks
         if look.image.name in by_name
     ]
-    return kept, problems
+    return kept, problems, repeated
 
 
 def _notes(looks: list[_Look], overlaps: list[Overlap]) -> dict[str, list[str]]:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from semsfm_colmap.ingest.files.raster import RawImage
 from semsfm_colmap.ingest.frame.overlay import GROW_PX, Overlay
 from semsfm_colmap.ingest.frame.source import SourceImage
 from semsfm_colmap.ingest.masks.foreground import MIN_TEXTURE_KEPT, find_foreground, texture_kept
@@ -55,16 +56,14 @@ class SeriesMasks:
         self.effects: dict[str, MaskEffect] = {}
         self.given: set[str] = set()
         self.coloured: list[str] = []
+        self.transparent: list[str] = []
         self.no_foreground: dict[str, str] = {}
         self.warnings: list[str] = []
 
     def add(
-        self, image: SourceImage, name: str, grey: Array, coloured: Bool | None = None
+        self, image: SourceImage, name: str, grey: Array, raw: RawImage | None = None
     ) -> list[str]:
-        """Take a prepared image in; returns sentences about its given mask.
-
-        `coloured` is True where colour is drawn into the source image.
-        """
+        """Take a prepared image in, and its source; returns sentences about its given mask."""
         usable = np.ones(grey.shape, dtype=bool)
         x0, y0, x1, y1 = image.crop
         warnings = []
@@ -77,8 +76,13 @@ class SeriesMasks:
         overlay = self.overlays.get(image.size)
         if overlay is not None:
             usable &= ~overlay.writing[y0:y1, x0:x1]
-        if coloured is not None and self.options.masks != "off":
-            drawn = grown(coloured[y0:y1, x0:x1])
+        if raw is not None and raw.transparent is not None and self.options.masks != "off":
+            transparent = raw.transparent[y0:y1, x0:x1]
+            if transparent.any() and not transparent.all():
+                usable &= ~transparent
+                self.transparent.append(name)
+        if raw is not None and raw.coloured is not None and self.options.masks != "off":
+            drawn = grown(raw.coloured[y0:y1, x0:x1])
             if drawn.any():
                 usable &= ~drawn
                 self.coloured.append(name)
@@ -162,6 +166,8 @@ class SeriesMasks:
             self.warnings.append(
                 f"{abbreviate(self.coloured)}: what is drawn in colour over the image is masked."
             )
+        if self.transparent:
+            self.warnings.append(f"{abbreviate(self.transparent)}: what is transparent is masked.")
         if self.overlays:
             part = max(float(overlay.writing.mean()) for overlay in self.overlays.values())
             self.warnings.append(f"writing burnt into the images ({part:.1%} of them) is masked.")

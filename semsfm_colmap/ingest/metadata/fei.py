@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 
 from semsfm_colmap.ingest.files.header import ImageHeader
+from semsfm_colmap.ingest.metadata import memento
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.scale import stored_pixel_size
 from semsfm_colmap.ingest.metadata.tags import FEI_HELIOS, FEI_SFEG, FEI_XML
@@ -31,8 +32,12 @@ def read(tags: dict[int, bytes], header: ImageHeader) -> MetadataReading:
     """Metadata of an FEI TIFF: the text tag first, the XML for what it lacks."""
     out = Collector("FEI")
     for code in (FEI_HELIOS, FEI_SFEG):
-        if code in tags:
-            read_text(decode(tags[code]), f"FEI {code}", header, out)
+        text = decode(tags.get(code, b""))
+        unpacked = memento.unpack(text)
+        if unpacked is not None:
+            memento.read(unpacked, f"FEI {code}", header, out)
+        elif text:
+            read_text(text, f"FEI {code}", header, out)
     if FEI_XML in tags:
         read_xml(decode(tags[FEI_XML]), header, out)
     return out.reading()
@@ -64,7 +69,7 @@ def read_text(text: str, tag: str, header: ImageHeader, out: Collector) -> None:
     size = stored_pixel_size(
         width=header.width,
         height=header.height,
-        image_rows=out.image_rows,
+        image_rows=out.image_rows or header.image_rows,
         pixel=pixel,
         field_width=si(
             (scan, "HorFieldsize"), ("Scan", "HorFieldsize"), (beam, "HFW"), factor=1e6,

@@ -39,7 +39,7 @@ def read(sections: Sections, source: str, header: ImageHeader) -> MetadataReadin
     size = stored_pixel_size(
         width=header.width,
         height=header.height,
-        image_rows=None,
+        image_rows=header.image_rows,
         pixel=(pixel_um, tag + "PixelSize") if pixel_um else None,
         field_width=None,
         recorded_raster=raster if raster and min(raster) > 0 else None,

@@ -26,6 +26,9 @@ from semsfm_colmap.ingest.metadata.text import (
 
 _LINE = re.compile(r"\${1,2}((?:CM|SM|FE|GB|IP|PE)_[A-Z0-9_]{1,60})(?:\s+(.*))?")
 _AXIS = re.compile(r"([XYZRT])\s*=\s*([-+0-9.eE]{1,30})")
+FILM_MM = 128.0
+"""JEOL's magnification is that of a photograph so wide."""
+_ONE_UNIT = re.compile(r"([0-9.]{1,20})[\s,x*]+([0-9.]{1,20})\s*([^\s0-9.]{1,3})")
 _TWO_LENGTHS = re.compile(r"([0-9.]{1,20}\s*[^\s0-9.]{1,3})[\s,x]+([0-9.]{1,20}\s*[^\s0-9.]{1,3})")
 
 
@@ -54,8 +57,7 @@ def read(values: dict[str, str], source: str, header: ImageHeader) -> MetadataRe
         out.image_rows = raster[1]
     elif bar is not None and bar < header.height:
         out.databar_rows = int(bar)
-    field = _TWO_LENGTHS.match(values.get("CM_FIELD_OF_VIEW", ""))
-    widths = [positive(length_um(part)) for part in field.groups()] if field else [None, None]
+    widths = _field(values.get("CM_FIELD_OF_VIEW", ""))
     out.scale_bar_um = positive(length_um(values.get("SM_MICRON_MARKER")))
     size = stored_pixel_size(
         width=header.width,
@@ -67,6 +69,18 @@ def read(values: dict[str, str], source: str, header: ImageHeader) -> MetadataRe
         recorded_raster=raster,
         databar_rows=int(bar or 0),
     )
+    magnification = positive(number(values.get("CM_MAG")))
+    if size.um is None and magnification is not None:
+        of = f"{tag}CM_MAG, {FILM_MM:g} mm wide"
+        size = stored_pixel_size(
+            width=header.width,
+            height=header.height,
+            image_rows=out.image_rows or header.image_rows,
+            pixel=None,
+            field_width=(FILM_MM * 1e3 / magnification, of),
+            recorded_raster=raster,
+            databar_rows=int(bar or 0),
+        )
     out.put("pixel_size_um", size.um, size.source)
     if size.warning:
         out.warn(size.warning)
@@ -78,7 +92,7 @@ def read(values: dict[str, str], source: str, header: ImageHeader) -> MetadataRe
     out.put("working_distance_um", distance, tag + "SM_WD")
     for key in ("CM_ACCEL_VOLT", "CM_ACCEL_VOLTAGE"):
         out.put("beam_energy_kev", voltage_kev(values.get(key), "kv"), tag + key)
-    out.put("magnification", positive(number(values.get("CM_MAG"))), tag + "CM_MAG")
+    out.put("magnification", magnification, tag + "CM_MAG")
     out.put("instrument", values.get("CM_INSTRUMENT") or None, tag + "CM_INSTRUMENT")
     for key in ("CM_SIGNAL_NAME", "CM_SIGNAL", "FE_DETECTOR_NAME"):
         out.put("detector", values.get(key) or None, tag + key)
@@ -88,6 +102,17 @@ def read(values: dict[str, str], source: str, header: ImageHeader) -> MetadataRe
         on = correction.strip().lower() in ("on", "yes", "true") or bool(angle)
         out.put("tilt_corrected", on, tag + "SM_TILT_CORRECTION")
     return out.reading()
+
+
+def _field(text: str) -> list[float | None]:
+    """Width and height of the field of view in um; one unit may hold for both."""
+    found = _TWO_LENGTHS.match(text)
+    if found:
+        return [positive(length_um(part)) for part in found.groups()]
+    found = _ONE_UNIT.match(text)
+    if found:
+        return [positive(length_um(f"{part} {found[3]}")) for part in found.groups()[:2]]
+    return [None, None]
 
 
 def _pixel(

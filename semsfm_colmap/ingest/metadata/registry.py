@@ -5,7 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from semsfm_colmap.ingest.files.header import ImageHeader
-from semsfm_colmap.ingest.metadata import fei, jeol, tescan, tilt_stack, zeiss
+from semsfm_colmap.ingest.metadata import (
+    calibration,
+    fei,
+    fibics,
+    jeol,
+    openfibsem,
+    phenom,
+    tescan,
+    tilt_stack,
+    zeiss,
+)
 from semsfm_colmap.ingest.metadata.reading import Collector, MetadataReading
 from semsfm_colmap.ingest.metadata.sidecar import read_sidecar
 from semsfm_colmap.ingest.metadata.tags import (
@@ -13,6 +23,7 @@ from semsfm_colmap.ingest.metadata.tags import (
     FEI_HELIOS,
     FEI_SFEG,
     FEI_XML,
+    FIBICS,
     TESCAN,
     ZEISS,
     read_raw_tags,
@@ -41,6 +52,7 @@ def read_metadata(path: Path, header: ImageHeader) -> MetadataReading:
         return tilt_stack.read_section(path)
     problem = None
     reading = None
+    tags: dict[int, bytes] = {}
     try:
         tags = read_raw_tags(path, header.page) if header.format == "tiff" else {}
         reading = read_tags(tags, header)
@@ -49,7 +61,11 @@ def read_metadata(path: Path, header: ImageHeader) -> MetadataReading:
     if reading is None:
         reading = read_sidecar(path, header)
     if reading is None and header.format == "tiff":
-        reading = _read_stray_text(path, header)
+        reading = _read_stray_text(path, header) or calibration.read(tags, header)
+        if reading is not None and reading.vendor != "FEI":
+            return reading  # programs other than microscopes record nothing else
+    if reading is None and header.format == "jpeg":
+        reading = _read_after_jpeg(path, header)
     if reading is None:
         return MetadataReading(warnings=(problem,) if problem else ())
     return _with_missing(reading, problem)
@@ -59,16 +75,24 @@ def read_tags(tags: dict[int, bytes], header: ImageHeader) -> MetadataReading | 
     """Metadata from the raw tags of a TIFF; None where no vendor is recognised."""
     if ZEISS in tags:
         return zeiss.read(tags, header)
+    if phenom.ROOT in (xml := decode(tags.get(FEI_XML, b""))):
+        return phenom.read(xml, f"Phenom {FEI_XML}", header)
     if any(code in tags for code in (FEI_HELIOS, FEI_SFEG, FEI_XML)):
         return fei.read(tags, header)
     if TESCAN in tags:
         sections = tescan.parse_tag(tags[TESCAN])
         if sections:
             return tescan.read(sections, f"TESCAN {TESCAN}", header)
+    if FIBICS in tags:
+        return fibics.read(decode(tags[FIBICS]), header)
     if DESCRIPTION in tags:
-        values = jeol.parse(decode(tags[DESCRIPTION]))
+        description = decode(tags[DESCRIPTION])
+        values = jeol.parse(description)
         if values:
             return jeol.read(values, "ImageDescription", header)
+        content = openfibsem.parse(description)
+        if content:
+            return openfibsem.read(content, header)
     return None
 
 
@@ -85,6 +109,18 @@ def _read_stray_text(path: Path, header: ImageHeader) -> MetadataReading | None:
     fei.read_text(decode(end[start:]), "FEI text outside its tag", header, out)
     out.warn("the TIFF directory is damaged: the header was found as text at the end of the file")
     return out.reading()
+
+
+def _read_after_jpeg(path: Path, header: ImageHeader) -> MetadataReading | None:
+    """Phenom's XML behind the end of a JPEG."""
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(max(0, size - STRAY_TEXT_BYTES))
+        end = file.read(STRAY_TEXT_BYTES)
+    start = end.rfind(phenom.ROOT.encode())
+    if start < 0:
+        return None
+    return phenom.read(decode(end[start:]), "Phenom XML behind the JPEG", header)
 
 
 def _with_missing(reading: MetadataReading, problem: str | None) -> MetadataReading:

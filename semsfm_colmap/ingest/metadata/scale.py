@@ -45,7 +45,9 @@ def stored_pixel_size(
     if recorded_raster and min(recorded_raster) < 1:
         recorded_raster = None
     if recorded_raster and recorded_raster != (width, height):
-        changed = _changed_raster(width, height, pixel, field_width, recorded_raster, databar_rows)
+        changed = _changed_raster(
+            width, height, image_rows, pixel, field_width, recorded_raster, databar_rows
+        )
         if changed is not None:
             return changed
     if field_width is None:
@@ -86,6 +88,7 @@ def stored_pixel_size(
 def _changed_raster(
     width: int,
     height: int,
+    image_rows: int | None,
     pixel: tuple[float, str] | None,
     field_width: tuple[float, str] | None,
     recorded: tuple[int, int],
@@ -112,8 +115,12 @@ def _changed_raster(
             "degrees; its tilt axis is turned too",
         )
     factor = recorded[0] / width
-    for recorded_rows in (recorded[1], recorded[1] + databar_rows):
-        if abs(recorded_rows / height / factor - 1) <= ASPECT_AGREEMENT:
+    for recorded_rows, rows in (
+        (recorded[1], height),
+        (recorded[1] + databar_rows, height),
+        (recorded[1], image_rows or height),
+    ):
+        if abs(recorded_rows / rows / factor - 1) <= ASPECT_AGREEMENT:
             return PixelSize(
                 um=um * factor,
                 source=f"{source} x {factor:.4g} (resized)",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from functools import lru_cache
 from pathlib import Path
 
 from semsfm_colmap.ingest.files.header import ImageHeader
@@ -16,13 +17,28 @@ MAX_SIDECAR_BYTES = 1 << 20
 
 
 def sidecar_paths(path: Path) -> list[Path]:
-    """Candidates beside ``a.tif``: ``a.txt``, ``a.hdr``, ``a-tif.hdr``, ``a.tif.txt``."""
+    """Candidates beside ``a.tif``: ``a.txt``, ``a.hdr``, ``a-tif.hdr``, ``a.tif.txt``, any case."""
     kind = path.suffix.lstrip(".")
-    names = [
-        f"{path.stem}{suffix}"
-        for suffix in (".hdr", ".HDR", f"-{kind}.hdr", ".txt", ".TXT", f".{kind}.txt")
-    ]
-    return [path.with_name(name) for name in names]
+    names = [f"{path.stem}{suffix}" for suffix in (".hdr", f"-{kind}.hdr", ".txt", f".{kind}.txt")]
+    try:
+        changed = path.parent.stat().st_mtime_ns
+    except OSError:
+        return []
+    there = _names_below(path.parent, changed)
+    return [path.with_name(name) for wanted in names for name in there.get(wanted.lower(), ())]
+
+
+@lru_cache(maxsize=4)
+def _names_below(folder: Path, _changed: int) -> dict[str, list[str]]:
+    """The text files in a folder by their names in lower case: not all systems tell cases apart."""
+    found: dict[str, list[str]] = {}
+    try:
+        for name in sorted(os.listdir(folder)):
+            if name.lower().endswith((".hdr", ".txt")):
+                found.setdefault(name.lower(), []).append(name)
+    except OSError:
+        return {}
+    return found
 
 
 def read_sidecar(path: Path, header: ImageHeader) -> MetadataReading | None:

@@ -1,7 +1,8 @@
 """TESCAN: TIFF tag 50431, or a ``.hdr`` file beside the image with the same text.
 
 The tag is a chain of records: length (4 bytes, counting the type), type (2 bytes), content. Type 1
-is a thumbnail, 2 the text of section ``[MAIN]``, 3 that of ``[SEM]``. Lengths are in metres,
+is a thumbnail, 2 the text of section ``[MAIN]``, 3 that of ``[SEM]``; images of the ion beam have
+``[FIB]``. Lengths are in metres,
 voltages in volts; stage and scan angles are in degrees, unlike FEI's. ``ImageStripSize`` rows of
 databar were added below the image when it was saved; ``PixelSizeX`` belongs to the saved image.
 """
@@ -24,7 +25,7 @@ from semsfm_colmap.ingest.metadata.text import (
     read_sections,
 )
 
-SECTION_OF_TYPE = {2: "MAIN", 3: "SEM"}
+SECTION_OF_TYPE = {2: "MAIN", 3: "SEM", 4: "FIB"}
 MAX_RECORDS = 64
 
 
@@ -55,9 +56,13 @@ def parse_tag(raw: bytes) -> dict[str, dict[str, str]]:
 def read(sections: Sections, source: str, header: ImageHeader) -> MetadataReading:
     """Metadata from the sections of the tag or of a ``.hdr`` file."""
     out = Collector("TESCAN")
-    main, sem = sections.get("MAIN", {}), sections.get("SEM", {})
+    main = sections.get("MAIN", {})
+    # an image of the ion beam has its block in the place of that of the electron beam
+    block = "SEM" if sections.get("SEM") else "FIB"
+    sem = sections.get(block, {})
 
     def at(section: str, key: str) -> str:
+        section = block if section == "SEM" else section
         return f"{source} [{section}] {key}"
 
     strip = positive(number(main.get("ImageStripSize")))
@@ -68,7 +73,7 @@ def read(sections: Sections, source: str, header: ImageHeader) -> MetadataReadin
     size = stored_pixel_size(
         width=header.width,
         height=header.height,
-        image_rows=None,
+        image_rows=header.image_rows,
         pixel=pixel,
         field_width=_field_width(main, source),
     )

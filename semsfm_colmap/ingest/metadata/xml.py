@@ -17,7 +17,8 @@ class _StopParsingError(Exception):
 def flatten_xml(text: str) -> tuple[dict[str, str], str | None]:
     """``<Metadata><A><B>1</B></A></Metadata>`` -> ``{"A/B": "1"}`` and None, or why it failed.
 
-    The root is left out of the paths; of elements with the same path the first is kept.
+    The root is left out of the paths; of elements with the same path the first is kept. An
+    attribute is ``A/B@name``.
     A document type declaration is refused: no header needs one, and entities can be made to
     expand without end.
     """
@@ -28,13 +29,16 @@ def flatten_xml(text: str) -> tuple[dict[str, str], str | None]:
     content: list[str] = []
     count = 0
 
-    def start(name: str, _attributes: object) -> None:
+    def start(name: str, attributes: dict[str, str]) -> None:
         nonlocal count
         count += 1
         if len(stack) >= MAX_DEPTH or count > MAX_ELEMENTS:
             raise _StopParsingError
         stack.append(name.rsplit(":", 1)[-1])
         content.clear()
+        path = "/".join(stack[1:])
+        for key, value in attributes.items() if path else ():
+            values.setdefault(f"{path}@{key.rsplit(':', 1)[-1]}", value[:4096])
 
     def end(_name: str) -> None:
         value = "".join(content).strip()

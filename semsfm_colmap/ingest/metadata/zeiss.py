@@ -63,7 +63,7 @@ def read(tags: dict[int, bytes], header: ImageHeader) -> MetadataReading:
     size = stored_pixel_size(
         width=header.width,
         height=header.height,
-        image_rows=None,
+        image_rows=header.image_rows,
         pixel=pixel,
         field_width=field_width,
         field_height=sized("AP_HEIGHT"),
@@ -93,7 +93,7 @@ def read(tags: dict[int, bytes], header: ImageHeader) -> MetadataReading:
             out.put(name, values.get(key) or None, tag + key)
     tilt_corrected = flag(values.get("DP_TILT_CORRECTION"))
     out.put("tilt_corrected", tilt_corrected, tag + "DP_TILT_CORRECTION")
-    if flag(values.get("DP_DYNAMIC_FOCUS")):
+    if flag(values.get("DP_DYNFOCUS")) or flag(values.get("DP_DYNAMIC_FOCUS")):
         out.warn("dynamic focus was on: the magnification varies across the tilted field")
     return out.reading()
 

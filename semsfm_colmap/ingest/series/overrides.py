@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from math import degrees, radians
@@ -9,13 +10,21 @@ from math import degrees, radians
 import numpy as np
 
 from semsfm_colmap.ingest.frame.source import SourceImage
+from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.series.table import SeriesTable, match_table
+from semsfm_colmap.io.wording import abbreviate
 from semsfm_colmap.types import SemMetadata
 
 SAME_TILT_DEG = 0.5
 SAME_SIZE = 0.005
 SCALE_BAR_AGREEMENT = 0.03
 """A measured scale bar is off by a pixel at either end: 1-2 % of a short one."""
+SAME_BAR = 0.02
+DISPLAY_MM = (40.0, 800.0)
+"""Width of the display or photograph that a magnification refers to: from small photographs
+to large screens; 127 mm is usual."""
+FIELD_UM = (0.01, 50_000.0)
+"""Field of view of a SEM: from 10 nm at two million times to a stage seen as a whole."""
 
 
 def apply_table(
@@ -68,24 +77,88 @@ def apply_table(
     return changed, warnings
 
 
-def apply_scale_bar(image: SourceImage, label_um: float | None) -> SourceImage:
-    """Take the pixel size from the scale bar, or check the recorded one against it."""
-    label = label_um if label_um is not None else image.reading.scale_bar_um
-    if label is None or image.scale_bar_px is None:
-        return image
+def apply_scale_bars(
+    images: Sequence[SourceImage], options: IngestOptions
+) -> tuple[list[SourceImage], list[str]]:
+    """Take pixel sizes from the scale bars, or check the recorded ones against them.
+
+    A bar has one length in all images of a size with one label; what differs from most is no bar.
+    """
+    lengths: dict[tuple[tuple[int, int], float], list[float]] = defaultdict(list)
+    count: Counter[tuple[tuple[int, int], float]] = Counter()
+    for image in images:
+        label = _label(image, options)
+        if label is not None:
+            count[image.size, label] += 1
+            if image.scale_bar_px is not None:
+                lengths[image.size, label].append(image.scale_bar_px)
+    changed: list[SourceImage] = []
+    doubted: list[str] = []
+    for image in images:
+        label = _label(image, options)
+        if label is None or image.scale_bar_px is None:
+            changed.append(image)
+            continue
+        found = lengths[image.size, label]
+        agreeing = sum(abs(v / image.scale_bar_px - 1) <= SAME_BAR for v in found)
+        if 2 * agreeing <= len(found) or 2 * agreeing < count[image.size, label]:
+            doubted.append(image.name)
+            changed.append(replace(image, scale_bar_px=None))
+        else:
+            changed.append(_with_scale_bar(image, label, options))
+    if not doubted:
+        return changed, []
+    return changed, [
+        f"{abbreviate(doubted)}: what looks like a scale bar has another length than in the other "
+        "images, or is missing in most of them; it is not used."
+    ]
+
+
+def _label(image: SourceImage, options: IngestOptions) -> float | None:
+    """What is written at the bar of an image."""
+    given = options.scale_bar_um
+    return given if given is not None else image.reading.scale_bar_um
+
+
+def _with_scale_bar(image: SourceImage, label: float, options: IngestOptions) -> SourceImage:
+    assert image.scale_bar_px is not None
     measured = label / image.scale_bar_px
     metadata = image.reading.metadata
-    if metadata.pixel_size_um is None:
-        source = f"scale bar: {label:g} um over {image.scale_bar_px:.4g} px"
-        new = _with(metadata, {"pixel_size_um": measured}, source)
-        return replace(image, reading=replace(image.reading, metadata=new))
-    if abs(measured / metadata.pixel_size_um - 1) > SCALE_BAR_AGREEMENT:
+    said = (
+        f"the scale bar of {label:g} um is {image.scale_bar_px:.4g} px long, which makes "
+        f"{measured:.4g} um per pixel"
+    )
+    recorded = options.pixel_size_um or metadata.pixel_size_um
+    if recorded is not None:
+        if abs(measured / recorded - 1) <= SCALE_BAR_AGREEMENT:
+            return image
+        by = "given" if options.pixel_size_um else "recorded"
         return image.warn(
-            f"the scale bar of {label:g} um is {image.scale_bar_px:.4g} px long, which makes "
-            f"{measured:.4g} um per pixel, but {metadata.pixel_size_um:.4g} um are recorded; the "
-            "latter is used, give pixel_size_um if it is wrong"
+            f"{said}, but {recorded:.4g} um are {by}; the latter is used"
+            + ("" if options.pixel_size_um else ", give pixel_size_um if it is wrong")
         )
-    return image
+    doubt = _implausible(measured, image)
+    if doubt:
+        return image.warn(f"{said}, and {doubt}; it is not used, give pixel_size_um")
+    source = f"scale bar: {label:g} um over {image.scale_bar_px:.4g} px"
+    new = _with(metadata, {"pixel_size_um": measured}, source)
+    return replace(image, reading=replace(image.reading, metadata=new))
+
+
+def _implausible(um: float, image: SourceImage) -> str | None:
+    """Why a pixel size cannot be that of an image of a SEM; None if it can."""
+    field_um = um * image.size[0]
+    magnification = image.reading.metadata.magnification
+    if magnification is not None:
+        display_mm = field_um * magnification * 1e-3
+        if not DISPLAY_MM[0] <= display_mm <= DISPLAY_MM[1]:
+            return (
+                f"with the magnification of {magnification:g} recorded, {field_um:.3g} um in the "
+                f"image would be {display_mm:.3g} mm on the display"
+            )
+    if not FIELD_UM[0] <= field_um <= FIELD_UM[1]:
+        return f"the image would be {field_um:.3g} um wide"
+    return None
 
 
 def _with(metadata: SemMetadata, values: dict[str, float], source: str) -> SemMetadata:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from semsfm_colmap.ingest.files.header import UnreadableImageError
 from semsfm_colmap.ingest.files.raster import RawImage
@@ -16,6 +13,7 @@ from semsfm_colmap.ingest.frame.databar import to_levels
 from semsfm_colmap.ingest.frame.overlay import ConstantPixels, Overlay, find_overlay
 from semsfm_colmap.ingest.frame.source import SourceImage, scan_image
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.ingest.series.copies import View, leave_out_copies, view_of
 from semsfm_colmap.types import Array
 
 MAX_SIZES = 4
@@ -41,25 +39,24 @@ def scan_images(
     images: list[SourceImage] = []
     problems: list[str] = []
     constant: dict[tuple[int, int], ConstantPixels] = defaultdict(ConstantPixels)
-    seen: dict[bytes, str] = {}
+    views: list[View] = []
     for count, name in enumerate(names):
         path = root / name
         try:
             image, raw = scan_image(path, name, options)
-            check_copy(raw, name, seen)
+            views.append(view_of(image, raw))
             images.append(image)
             if image.size in constant or len(constant) < MAX_SIZES:
-                constant[image.size].add(
-                    _without_databar(image, raw), lossy=image.header.format == "jpeg"
-                )
+                constant[image.size].add(_without_databar(image, raw), lossy=image.header.lossy)
         except UnreadableImageError as error:
             problems.append(f"{name}: {error} Left out.")
         if progress:
             progress(count + 1, len(names))
     found = {size: find_overlay(frames) for size, frames in constant.items()}
+    keep, copies, repeated = leave_out_copies(images, views)
     return Scan(
-        images=tuple(images),
-        problems=tuple(problems),
+        images=tuple(images[k] for k in keep),
+        problems=(*problems, *copies, *repeated),
         overlays={size: overlay for size, overlay in found.items() if overlay is not None},
     )
 
@@ -71,16 +68,3 @@ def _without_databar(image: SourceImage, raw: RawImage) -> Array:
         levels = levels.copy()
         levels[image.databar_row :] = 0
     return levels
-
-
-def check_copy(raw: RawImage, name: str, seen: dict[bytes, str]) -> None:
-    """Refuse an image with the pixels of one in `seen`, to which it is added."""
-    first = seen.setdefault(_digest(raw), name)
-    if first != name:
-        raise UnreadableImageError(f"the pixels are those of {first}.")
-
-
-def _digest(raw: RawImage) -> bytes:
-    pixels = np.ascontiguousarray(raw.pixels)
-    shape = repr((pixels.shape, pixels.dtype.str)).encode()
-    return hashlib.blake2b(pixels.data, digest_size=16, key=shape[:64]).digest()

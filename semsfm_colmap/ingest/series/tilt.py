@@ -28,9 +28,11 @@ def tilt_prior(series: SemSeries, options: IngestOptions) -> TiltPrior | None:
     angles = series.recorded("tilt_rad")
     sources = {f.metadata.source.get("tilt_rad", "") for f in series.frames}
     from_table = any(source.startswith("table ") for source in sources)
-    known = np.isfinite(angles)
+    rotation = recorded_rotation(series)
+    known = np.isfinite(angles) & (np.isfinite(rotation) if rotation is not None else True)
     displacement = recorded_displacements(series)
-    if known.sum() >= 2 and np.ptp(angles[known]) >= math.radians(MIN_RANGE_DEG):
+    varies = known.sum() >= 2 and np.ptp(angles[known]) >= math.radians(MIN_RANGE_DEG)
+    if varies or rotation is not None:
         default = SIGMA_TABLE_DEG if from_table else SIGMA_STAGE_DEG
         source = "; ".join(sorted(s for s in sources if s))
     elif options.degrees_per_um is not None and displacement is not None:
@@ -53,7 +55,24 @@ def tilt_prior(series: SemSeries, options: IngestOptions) -> TiltPrior | None:
         sigma_rad=np.full(len(angles), math.radians(sigma_deg)),
         axis_image_rad=axis,
         source=source,
+        rotation_rad=rotation,
     )
+
+
+def recorded_rotation(series: SemSeries) -> Float | None:
+    """(M,) of the stage about its normal; None where it does not vary, or the tilt is not known.
+
+    Without tilt such a rotation turns the images in their plane, and shows nothing more.
+    """
+    tilt, rotation = series.recorded("tilt_rad"), series.recorded("stage_rotation_rad")
+    known = np.isfinite(tilt) & np.isfinite(rotation)
+    if known.sum() < 2:
+        return None
+    turned = np.abs((rotation[known] - rotation[known][0] + np.pi) % (2 * np.pi) - np.pi)
+    if turned.max() < math.radians(MIN_RANGE_DEG):
+        return None
+    tilted = np.abs(tilt[known]).max() >= math.radians(MIN_RANGE_DEG)
+    return rotation if tilted else None
 
 
 def recorded_displacements(series: SemSeries) -> Float | None:

@@ -58,3 +58,50 @@ def test_a_scale_bar_that_contradicts_the_header_is_said(folder: Path, tmp_path:
     series = prepare_series(folder, tmp_path / "p", IngestOptions(scale_bar_um=4.0))
     assert series.pixel_size_um == pytest.approx(0.025)
     assert "the scale bar of 4 um is 79 px long" in series.frames[0].warnings[0]
+
+
+def test_a_scale_bar_over_the_image_gives_the_pixel_size_and_a_missing_one_is_said(
+    folder: Path, tmp_path: Path
+) -> None:
+    for i in range(3):
+        image = texture(i)
+        image[140:144, 20:84] = 255
+        save(folder / f"{i}.png", image)
+    series = prepare_series(folder, tmp_path / "p", IngestOptions(scale_bar_um=10))
+    assert series.pixel_size_um == pytest.approx(10 / 64)
+    for i in range(3):
+        save(folder / f"{i}.png", texture(i))
+    series = prepare_series(folder, tmp_path / "q", IngestOptions(scale_bar_um=10))
+    assert series.pixel_size_um is None
+    assert "no scale bar was found over the image" in " ".join(series.warnings)
+
+
+def test_a_bar_of_another_length_than_in_the_other_images_is_not_used(
+    folder: Path, tmp_path: Path
+) -> None:
+    for i, length in enumerate((64, 64, 64, 90)):
+        image = texture(i)
+        image[140:144, 20 : 20 + length] = 255
+        save(folder / f"{i}.png", image)
+    series = prepare_series(folder, tmp_path / "p", IngestOptions(scale_bar_um=10))
+    assert series.pixel_size_um == pytest.approx(10 / 64)
+    assert "3.png: what looks like a scale bar has another length" in " ".join(series.warnings)
+
+
+def test_an_implausible_scale_bar_is_said_and_not_used(folder: Path, tmp_path: Path) -> None:
+    for i in range(3):
+        save(folder / f"{i}.tif", with_databar(texture(i)))
+        text = vendor.hitachi(marker_nm="2000000").replace("PixelSize=24.80469\r\n", "")
+        (folder / f"{i}.txt").write_text(text)
+    series = prepare_series(folder, tmp_path / "p", IngestOptions())
+    assert series.pixel_size_um is None  # 2 mm over 79 px at a magnification of 4000
+    assert "mm on the display; it is not used" in " ".join(series.warnings)
+
+
+def test_a_scale_bar_that_contradicts_the_option_is_said(folder: Path, tmp_path: Path) -> None:
+    for i in range(3):
+        save(folder / f"{i}.png", with_databar(texture(i)))
+    options = IngestOptions(scale_bar_um=7.9, pixel_size_um=0.2)
+    series = prepare_series(folder, tmp_path / "p", options)
+    assert series.pixel_size_um == 0.2
+    assert "but 0.2 um are given" in " ".join(series.warnings)

@@ -124,3 +124,20 @@ def test_the_prior_of_a_prepared_series_comes_from_its_table(folder: Path, tmp_p
     prior = tilt_prior(prepare_series(folder, tmp_path / "p", options), options)
     assert prior is not None
     np.testing.assert_allclose(np.degrees(prior.angle_rad), [0, 7, 14])
+
+
+def test_a_stage_that_tilts_and_rotates_gives_both_to_the_prior(tmp_path: Path) -> None:
+    folder = tmp_path / "in"
+    for i in range(3):
+        save(folder / f"{i}.png", texture(i))
+    table = tmp_path / "series.csv"
+    table.write_text("image,tilt_deg,rotation_deg\n0,20,0\n1,20,30\n2,20,60\n")
+    options = IngestOptions(series_csv=table)
+    prior = tilt_prior(prepare_series(folder, tmp_path / "p", options), options)
+    assert prior is not None
+    assert prior.rotation_rad is not None
+    np.testing.assert_allclose(np.rad2deg(prior.rotation_rad), [0, 30, 60])
+    table.write_text("image,tilt_deg,rotation_deg\n0,0,0\n1,10,0\n2,20,360\n")
+    prior = tilt_prior(prepare_series(folder, tmp_path / "p", options), options)
+    assert prior is not None
+    assert prior.rotation_rad is None  # a whole turn is none
