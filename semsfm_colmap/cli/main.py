@@ -10,6 +10,7 @@ from pathlib import Path
 
 from semsfm_colmap.cli.commands import COMMANDS, find_command
 from semsfm_colmap.cli.help_texts import GROUPS
+from semsfm_colmap.io.terminal import tell
 
 INTERRUPTED = 130
 TERMINATED = 143
@@ -82,9 +83,7 @@ def run(args: list[str]) -> int:
 
         near = difflib.get_close_matches(args[0], [known.name for known in COMMANDS], n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
-        print(
-            f"semsfm: unknown command {args[0]}{hint} (semsfm --help lists them)", file=sys.stderr
-        )
+        tell(f"semsfm: unknown command {args[0]}{hint} (semsfm --help lists them)")
         return 2
     from semsfm_colmap.errors import SemSfmError
     from semsfm_colmap.io.disk import full_disk_error, out_of_space
@@ -94,29 +93,26 @@ def run(args: list[str]) -> int:
     try:
         command.main()(args[1:])
     except SemSfmError as error:
-        print(f"semsfm {args[0]}: {error}", file=sys.stderr)
+        tell(f"semsfm {args[0]}: {error}")
         return error.exit_code
     except KeyboardInterrupt as stop:
-        print(
-            f"semsfm {args[0]}: stopped; what was finished is kept, the same command goes on",
-            file=sys.stderr,
-        )
+        tell(f"semsfm {args[0]}: stopped; what was finished is kept, the same command goes on")
         return TERMINATED if isinstance(stop, Terminated) else INTERRUPTED
     except BrokenPipeError:
         raise
     except ImportError as error:
-        print(f"semsfm {args[0]}: {does_not_load(error)}", file=sys.stderr)
+        tell(f"semsfm {args[0]}: {does_not_load(error)}")
         return 1
     except OSError as error:
         if ".so" in str(error) and error.errno is None:  # a shared object, by ctypes
-            print(f"semsfm {args[0]}: {does_not_load(error)}", file=sys.stderr)
+            tell(f"semsfm {args[0]}: {does_not_load(error)}")
             return 1
         if out_of_space(error):
             full = full_disk_error(Path(error.filename or "."))
-            print(f"semsfm {args[0]}: {full}", file=sys.stderr)
+            tell(f"semsfm {args[0]}: {full}")
             return 2
         place = f"{error.filename}: " if error.filename else ""
-        print(f"semsfm {args[0]}: {place}{error.strerror or error}", file=sys.stderr)
+        tell(f"semsfm {args[0]}: {place}{error.strerror or error}")
         return 2
     return 0
 

@@ -35,6 +35,14 @@ def test_help_names_every_command_and_loads_nothing_heavy():
     assert out.stdout.strip().endswith("[]")
 
 
+@pytest.mark.parametrize("command", ["inspect", "match", "report", "sh\x9bow"])
+def test_a_name_with_escape_sequences_is_told_and_not_obeyed(command, tmp_path, capsys):
+    assert main([command, str(tmp_path / "no\x1b[31m\nsuch\u202e")]) == 2
+    said = capsys.readouterr().err
+    assert said.rstrip("\n").isprintable()
+    assert "\\x" in said
+
+
 @pytest.mark.parametrize("arguments", [["match", "--help"], ["--help"]])
 def test_a_reader_that_has_gone_ends_the_output_without_a_word(arguments):
     command = [sys.executable, "-m", "semsfm_colmap.cli.main", *arguments]
