@@ -18,7 +18,7 @@ from semsfm_colmap.matching.guided.align import (
     read_patches,
 )
 from semsfm_colmap.matching.guided.candidates import add_candidates
-from semsfm_colmap.matching.guided.distinct import distinct_tracks
+from semsfm_colmap.matching.guided.distinct import distinct_points, distinct_tracks
 from semsfm_colmap.matching.guided.filtering import FilteredImages
 from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.matching.guided.predict import (
@@ -48,6 +48,9 @@ NUM_NEIGHBORS = 30
 SEED_THRESHOLD_PX = 2.0
 """Reprojection error of the observations that a point is triangulated from."""
 MIN_SEED_ANGLE_DEG = 1.0
+SAME_SPOT = 0.5
+"""Before they are looked for everywhere, points nearer than this share of `min_separation_px` show
+the same spot: what is left of them is told apart by its places afterwards."""
 MIN_POINTS = 50
 """Fewer points do not give normals."""
 
@@ -178,6 +181,17 @@ def choose_high_pass(
     return HIGH_PASS_PX[int(np.argmax(share))]
 
 
+def one_a_spot(
+    cameras: OrthographicCameras, seeds: Seeds, known: Observations, options: GuidedOptions
+) -> Seeds:
+    """The seeds with a reference view for one track only of those that show the same spot."""
+    radius = SAME_SPOT * options.min_separation_px / float(np.median(cameras.scale_px_per_unit))
+    length = np.bincount(known.track_idx, minlength=len(seeds.points))
+    keep = distinct_points(seeds.points, length, radius)
+    image_idx = np.where(keep, seeds.references.image_idx, -1)
+    return replace(seeds, references=replace(seeds.references, image_idx=image_idx))
+
+
 def grow_tracks(
     cameras: OrthographicCameras,
     observations: Observations,
@@ -219,6 +233,8 @@ def grow_tracks(
     read_filtered = read_filtered or FilteredImages(read_image)
     rng = np.random.default_rng(seed)
     high_pass = choose_high_pass(cameras, seeds, known, read_image, read_filtered, options, rng)
+    if extend:
+        seeds = one_a_spot(cameras, seeds, known, options)
     if extend and read_keypoints is not None:
         seeds = add_candidates(
             cameras,

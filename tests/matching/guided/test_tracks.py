@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from semsfm_colmap.geometry.rotations import rotation_from_vector
-from semsfm_colmap.matching.guided.distinct import distinct_tracks
+from semsfm_colmap.matching.guided.distinct import distinct_points, distinct_tracks
 from semsfm_colmap.matching.guided.grow import grow_tracks
 from semsfm_colmap.matching.guided.noise import fit_relative_sigma
 from semsfm_colmap.matching.guided.options import GuidedOptions
@@ -203,3 +203,21 @@ def test_an_image_that_shows_something_else_gets_nothing(field):
     assert grown is not None
     share = np.mean(grown.observations.image_idx == NUM_IMAGES - 1)
     assert share < 0.01
+
+
+def test_of_points_that_are_one_spot_the_longest_track_stays():
+    points = np.array([[0.0, 0, 0], [0.4, 0, 0], [5, 0, 0], [5, 0.3, 0], [5, 0, 0.3], [9, 0, 0]])
+    length = np.array([3, 5, 4, 4, 9, 2])
+    assert distinct_points(points, length, 0.5).tolist() == [False, True, False, False, True, True]
+    assert distinct_points(points, length, 0.1).all()
+    # a chain is thinned, not emptied
+    chain = np.column_stack([0.9 * np.arange(5), np.zeros(5), np.zeros(5)])
+    assert distinct_points(chain, np.full(5, 4), 1.0).tolist() == [True, False, True, False, True]
+
+
+def test_turns_of_a_helix_do_not_multiply_the_points():
+    rng = np.random.default_rng(0)
+    spots = rng.uniform(0.0, 100.0, (400, 3))
+    turns = np.concatenate([spots + rng.normal(0.0, 0.1, spots.shape) for _ in range(4)])
+    keep = distinct_points(turns, rng.integers(3, 9, len(turns)), 0.8)
+    assert 380 <= keep.sum() <= 410
