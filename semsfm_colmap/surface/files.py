@@ -15,6 +15,7 @@ import numpy as np
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.unshared import unshared
 from semsfm_colmap.io.atomic import file_aside, write_bytes, write_json, write_text
+from semsfm_colmap.io.npz import UNREADABLE
 from semsfm_colmap.io.ply import write_ply_file
 from semsfm_colmap.surface.depth_view import DepthView, LazyViews, parallel_view
 from semsfm_colmap.surface.half_series import HalfDifference
@@ -137,22 +138,26 @@ def read_depth_map(folder: Path | str, image_name: str) -> DepthMap:
     """Load what `write_depth_map` saved."""
     path = depth_map_path(folder, image_name)
     try:
-        with np.load(path) as data:
+        with path.open("rb") as file, np.load(file) as data:
             depth = data["depth"]
             confidence = data.get("confidence")
             sigma = data.get("sigma")
+        for values in (depth, confidence, sigma):
+            if values is not None and (values.ndim != 2 or values.shape != depth.shape):
+                raise ValueError(f"an array of shape {values.shape}")
+        depth_map = DepthMap(
+            image_name=image_name,
+            depth=depth,
+            confidence=None if confidence is None else confidence.astype(np.float32) / 255.0,
+            sigma=None if sigma is None else sigma.astype(np.float32),
+        )
     except FileNotFoundError:
         raise InputError(f"{path} is missing: run the densify step first.") from None
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except UNREADABLE as error:
         raise InputError(
             f"{path} is not a depth map ({error}): delete it, densify again."
         ) from error
-    return DepthMap(
-        image_name=image_name,
-        depth=depth,
-        confidence=None if confidence is None else confidence.astype(np.float32) / 255.0,
-        sigma=None if sigma is None else sigma.astype(np.float32),
-    )
+    return depth_map
 
 
 def project_views(reconstruction: Reconstruction, folder: Path | str) -> LazyViews:

@@ -13,6 +13,7 @@ import numpy as np
 from semsfm_colmap.colmap.database.checks import check_writable, database_sentence
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.names import check_names
 from semsfm_colmap.types import Array, Float, Int
 
 ImagePair = tuple[int, int]
@@ -58,6 +59,7 @@ def read_images(path: Path) -> list[DatabaseImage]:
             DatabaseImage(image_id=i.image_id, name=i.name, camera_id=i.camera_id)
             for i in db.read_all_images()
         ]
+    check_names((image.name for image in images), path)
     return sorted(images, key=lambda image: image.image_id)
 
 
