@@ -35,7 +35,8 @@ class Checked:
 
     def __post_init__(self) -> None:
         """Check every field, and what fields say of one another."""
-        for name, hint in _hints(type(self)).items():
+        kind: Any = type(self)
+        for name, hint in _hints(kind).items():
             value = plain(getattr(self, name), hint)
             object.__setattr__(self, name, value)
             wanted = fault(value, hint)

@@ -22,6 +22,9 @@ from semsfm_colmap.surface.half_series import HalfDifference
 from semsfm_colmap.surface.shading import Shading
 from semsfm_colmap.types import Array, DepthMap, Reconstruction, TriangleMesh
 
+GLTF_FROM_WORLD = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Half a turn about x: ours has y down and z away from the viewer, glTF y up and z toward him."""
+
 
 def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -> tuple[Path, Path]:
     """Write a textured mesh as ``<stem>.glb`` and ``<stem>.obj`` (with .mtl and .png)."""
@@ -50,7 +53,10 @@ def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -
         baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True
     )
     glb_path, obj_path = folder / f"{stem}.glb", folder / f"{stem}.obj"
-    write_bytes(with_material(matte).export(file_type="glb"), glb_path)
+    # the vertices stay as in mesh.ply; a viewer shows them through the node that holds them
+    scene = trimesh.Scene()
+    scene.add_geometry(with_material(matte), transform=GLTF_FROM_WORLD)
+    write_bytes(scene.export(file_type="glb"), glb_path)
 
     text, extra = trimesh.exchange.obj.export_obj(
         with_material(SimpleMaterial(image=image, diffuse=[255, 255, 255, 255])),
@@ -76,7 +82,8 @@ def read_textured(path: Path | str) -> TriangleMesh:
     import trimesh
 
     try:
-        read = trimesh.load_mesh(path, file_type="glb", process=False)
+        # without what the node says: in the frame of the model
+        (read,) = trimesh.load_scene(path, file_type="glb", process=False).geometry.values()
         uv, picture = read.visual.uv, read.visual.material.baseColorTexture
         faces = np.asarray(read.faces, dtype=np.int64)
         return TriangleMesh(

@@ -128,3 +128,14 @@ def test_a_depth_map_damaged_anywhere_is_read_or_refused_in_a_sentence(tmp_path)
         except InputError:
             refused += 1
     assert refused > 200
+
+
+def test_a_gltf_viewer_shows_the_mesh_upright_and_from_the_front(tmp_path) -> None:
+    mesh = square(textured=True)
+    glb, _ = write_textured(mesh, tmp_path)
+    shown = trimesh.load_scene(glb).to_geometry()
+    top = mesh.vertices[:, 1].min()  # y down: the top of the image
+    assert shown.vertices[:, 1].max() == -top
+    front = np.asarray(shown.face_normals)
+    assert np.allclose(front, [0, 0, 1])  # it faced -z, toward the microscope's viewer
+    assert np.allclose(read_textured(glb).vertices[:, 1].max(), mesh.vertices[:, 1].max())
