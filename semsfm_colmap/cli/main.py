@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from semsfm_colmap.cli.commands import COMMANDS, find_command
 from semsfm_colmap.cli.help_texts import GROUPS
+from semsfm_colmap.io.printable import printable
 
 BROKEN_PIPE = 141
 """Exit code of a program that SIGPIPE ends, as shells give it."""
@@ -79,7 +80,7 @@ def run(args: list[str]) -> int:
     try:
         command.main()(args[1:])
     except SemSfmError as error:
-        print(f"semsfm {args[0]}: {error}", file=sys.stderr)
+        print(f"semsfm {args[0]}: {printable(str(error))}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
         print(
@@ -97,7 +98,8 @@ def run(args: list[str]) -> int:
             print(f"semsfm {args[0]}: {does_not_load(error)}", file=sys.stderr)
             return 1
         place = f"{error.filename}: " if error.filename else ""
-        print(f"semsfm {args[0]}: {place}{error.strerror or error}", file=sys.stderr)
+        reason = printable(f"{place}{error.strerror or error}")
+        print(f"semsfm {args[0]}: {reason}", file=sys.stderr)
         return 2
     return 0
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from semsfm_colmap.io.printable import printable
 from semsfm_colmap.pipeline.progress import display, phases_shown
 
 LOGGER = logging.getLogger("semsfm")
@@ -53,18 +54,21 @@ class Reporter:
 
     def say(self, line: str) -> None:
         """A line for everybody who did not ask for quiet."""
+        line = printable(line, keep="\n\t")
         self._record(line)
         if self.verbosity >= 0:
             print(line, file=sys.stderr, flush=True)
 
     def detail(self, line: str) -> None:
         """A line for the log, and for the console with -v."""
+        line = printable(line, keep="\n\t")
         self._record(line)
         if self.verbosity > 0:
             print(f"  {line}", file=sys.stderr, flush=True)
 
     def warn(self, line: str) -> None:
         """A warning: always shown, kept for the report."""
+        line = printable(line)
         self._record(f"warning: {line}")
         print(f"warning: {line}", file=sys.stderr, flush=True)
 
