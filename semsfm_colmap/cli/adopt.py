@@ -11,6 +11,7 @@ import tyro
 
 from semsfm_colmap.cli.common import parse, positional_first
 from semsfm_colmap.colmap.options import AdoptionOptions
+from semsfm_colmap.io.printable import printable
 
 if TYPE_CHECKING:
     from semsfm_colmap.colmap.adoption import ModelChange
@@ -50,7 +51,7 @@ def main(arguments: Sequence[str]) -> None:
         options=parsed.options,
         dry_run=parsed.dry_run,
     )
-    print(table(change))
+    print(printable(table(change), keep="\n\t"))
     if parsed.dry_run:
         print("would be refused: " + "; ".join(change.reasons) if change.reasons else "acceptable")
     else:

@@ -9,6 +9,7 @@ from pathlib import Path
 import tyro
 
 from semsfm_colmap.cli.common import parse
+from semsfm_colmap.io.printable import printable
 
 DESCRIPTION = "Compare poses (both hands), structure and mesh of a project with known truth."
 
@@ -34,6 +35,6 @@ def main(arguments: Sequence[str]) -> None:
 
     parsed = parse(Arguments, list(arguments), "evaluate", DESCRIPTION)
     figures, table = evaluate_project(parsed.project_path, parsed.truth_path, model=parsed.model)
-    print(table)
+    print(printable(table, keep="\n\t"))
     if parsed.json is not None:
         write_json(figures, parsed.json, shared=True)

@@ -12,6 +12,7 @@ import tyro
 
 from semsfm_colmap.cli.common import parse, positional_first
 from semsfm_colmap.ingest.options import IngestOptions
+from semsfm_colmap.io.printable import printable
 
 DESCRIPTION = "A table of the image files (size, pixel size, tilt, warnings) and a verdict."
 
@@ -39,7 +40,8 @@ def main(arguments: Sequence[str]) -> None:
     parsed = parse(Arguments, positional_first(arguments), "inspect", DESCRIPTION)
     with Reporter().progress("reading images") as progress:
         inspection = inspect_images(parsed.image_path, parsed.ingest, progress=progress)
-    print(format_inspection(inspection, get_terminal_size((WIDTH, 24)).columns), end="")
+    text = format_inspection(inspection, get_terminal_size((WIDTH, 24)).columns)
+    print(printable(text, keep="\n\t"), end="")
     if parsed.json is not None:
         write_inspection_json(inspection, parsed.json)
     if parsed.csv is not None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from semsfm_colmap.bounds import Checked, Count, CountOrNone, NotNegative, Percentile, Positive
+from semsfm_colmap.bounds import Checked, Count, NotNegative, Percentile, Positive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ class IngestOptions(Checked):
     tilt_sigma_deg: Positive | None = None
     """Standard deviation of the recorded tilts; default 0.2 for a table, 0.5 for a stage, a tenth
     of the step for tilt_step_deg."""
-    crop: tuple[CountOrNone, CountOrNone, CountOrNone, CountOrNone] | None = None
+    crop: tuple[int, int, int, int] | None = None
     """Part of every image to keep, "x0 y0 x1 y1" in px (x1, y1 excluded); no databar is then
     searched."""
     detect_databar: bool = True
@@ -61,9 +61,9 @@ class IngestOptions(Checked):
         """A part of an image has an extent, and percentiles rise."""
         found = []
         if self.crop is not None and not (
-            self.crop[0] < self.crop[2] and self.crop[1] < self.crop[3]
+            0 <= self.crop[0] < self.crop[2] and 0 <= self.crop[1] < self.crop[3]
         ):
-            found.append(("crop", "give x0 y0 x1 y1 with x0 < x1 and y0 < y1"))
+            found.append(("crop", "give x0 y0 x1 y1 with 0 <= x0 < x1 and 0 <= y0 < y1"))
         if not self.range_percentiles[0] < self.range_percentiles[1]:
             found.append(("range_percentiles", "give the lower one first"))
         return found

@@ -87,7 +87,7 @@ class SynthesizeOptions(Checked):
     shadowing: Share = 0.0
     """Darkness of the shadow on what has no straight way to the detector, 0 to 1."""
 
-    counts: Positive = 220.0
+    counts: NotNegative = 220.0
     """Electrons counted in a pixel of grey value 0.4: the shot noise."""
     psf_px: NotNegative = 0.8
     """Standard deviation of the beam profile, varied by 10 % between images."""
