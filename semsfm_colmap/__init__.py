@@ -17,7 +17,11 @@ The public names, loaded when they are first used:
 - `read_model`: a `Reconstruction` from a sparse folder
 - `map_observations`: `Observations` to reconstructions, without any file
 - `evaluate`, `load_truth`, `synthesize`, `SynthesizeOptions`: truth
-- the types of `semsfm_colmap.types` and the errors of `semsfm_colmap.errors`
+- `Reconstruction`: cameras, points and observations; other types are in `semsfm_colmap.types`
+- `IngestOptions`, `FeatureOptions`, `MatchingOptions`, `TrackOptions`, `FactorizationOptions`,
+  `GuidedOptions`, `RefinementOptions`, `ExportOptions`, `SurfaceOptions`, `SegmentationOptions`:
+  the sections of `Config`
+- `SemSfmError`, the base of `InputError`, `UsageError`, `ClusterError`, `MissingDependencyError`
 """
 
 from __future__ import annotations
@@ -34,13 +38,24 @@ os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
 if TYPE_CHECKING:
     from semsfm_colmap.colmap.model.pinhole_reading import read_pinhole_model as read_pinhole_model
     from semsfm_colmap.colmap.model.sparse import read_model as read_model
+    from semsfm_colmap.colmap.options import ExportOptions as ExportOptions
     from semsfm_colmap.config import Config as Config
+    from semsfm_colmap.config import FeatureOptions as FeatureOptions
     from semsfm_colmap.config import preset as preset
     from semsfm_colmap.config import read_config as read_config
     from semsfm_colmap.config import write_config as write_config
+    from semsfm_colmap.errors import ClusterError as ClusterError
+    from semsfm_colmap.errors import InputError as InputError
+    from semsfm_colmap.errors import MissingDependencyError as MissingDependencyError
+    from semsfm_colmap.errors import SemSfmError as SemSfmError
+    from semsfm_colmap.errors import UsageError as UsageError
     from semsfm_colmap.evaluation.compare import evaluate as evaluate
     from semsfm_colmap.evaluation.truth import load_truth as load_truth
+    from semsfm_colmap.factorization.options import FactorizationOptions as FactorizationOptions
+    from semsfm_colmap.ingest.options import IngestOptions as IngestOptions
     from semsfm_colmap.mapping.parts import map_observations as map_observations
+    from semsfm_colmap.matching.guided.options import GuidedOptions as GuidedOptions
+    from semsfm_colmap.matching.options import MatchingOptions as MatchingOptions
     from semsfm_colmap.pipeline.adopt import adopt_model as adopt_model
     from semsfm_colmap.pipeline.compare_surfaces import compare_projects as compare_projects
     from semsfm_colmap.pipeline.export import export_project as export_project
@@ -57,12 +72,33 @@ if TYPE_CHECKING:
     from semsfm_colmap.pipeline.runner import reconstruct as reconstruct
     from semsfm_colmap.pipeline.runner import run_stages as run_stages
     from semsfm_colmap.pipeline.segment import segment_project as segment_project
+    from semsfm_colmap.refinement.options import RefinementOptions as RefinementOptions
+    from semsfm_colmap.segmentation.options import SegmentationOptions as SegmentationOptions
+    from semsfm_colmap.surface.options import SurfaceOptions as SurfaceOptions
     from semsfm_colmap.synthetic.options import SynthesizeOptions as SynthesizeOptions
     from semsfm_colmap.synthetic.series import synthesize as synthesize
+    from semsfm_colmap.tracks.options import TrackOptions as TrackOptions
+    from semsfm_colmap.types import Reconstruction as Reconstruction
 
 _HOMES = {
+    "ClusterError": "errors",
     "Config": "config",
+    "ExportOptions": "colmap.options",
+    "FactorizationOptions": "factorization.options",
+    "FeatureOptions": "config",
+    "GuidedOptions": "matching.guided.options",
+    "IngestOptions": "ingest.options",
+    "InputError": "errors",
+    "MatchingOptions": "matching.options",
+    "MissingDependencyError": "errors",
+    "Reconstruction": "types",
+    "RefinementOptions": "refinement.options",
+    "SegmentationOptions": "segmentation.options",
+    "SemSfmError": "errors",
+    "SurfaceOptions": "surface.options",
     "SynthesizeOptions": "synthetic.options",
+    "TrackOptions": "tracks.options",
+    "UsageError": "errors",
     "adopt_model": "pipeline.adopt",
     "compare_projects": "pipeline.compare_surfaces",
     "evaluate": "evaluation.compare",

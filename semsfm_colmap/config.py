@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
+from annotated_types import Ge
 
+from semsfm_colmap.bounds import Checked, Seed
 from semsfm_colmap.colmap.options import ExportOptions, SiftOptions
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.factorization.options import FactorizationOptions
@@ -42,19 +44,19 @@ class FeatureOptions(SiftOptions):
     moments, shape-context. The first two fit COLMAP's descriptor table, the others leave their
     matches only."""
 
-    def __post_init__(self) -> None:
-        """Refuse options of COLMAP's SIFT beside another."""
-        if self.detector == "opencv-sift" and (
-            self.estimate_affine_shape or self.domain_size_pooling
-        ):
-            raise UsageError(
-                "estimate_affine_shape and domain_size_pooling are of COLMAP's SIFT: give "
-                "--features.detector sift with them"
-            )
+    def contradictions(self) -> list[tuple[str, str]]:
+        """Options of COLMAP's SIFT beside another."""
+        if self.detector != "opencv-sift":
+            return []
+        return [
+            (name, "that is of COLMAP's SIFT: give --features.detector sift with it")
+            for name in ("estimate_affine_shape", "domain_size_pooling")
+            if getattr(self, name)
+        ]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Checked):
     """All options of a reconstruction.
 
     Examples
@@ -89,15 +91,19 @@ class Config:
     """Depth maps and mesh"""
     segmentation: SegmentationOptions = field(default_factory=SegmentationOptions)
     """Specimen and what holds it"""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of everything random: same seed, same result"""
-    num_threads: int = -1
+    num_threads: Annotated[int, Ge(-1)] = -1
     """Threads of feature extraction and matching; -1 for all cores"""
     executor: Literal["local", "dask"] = "local"
     """local: threads of this process; dask: processes, as many as `num_threads` says on this
     machine, or those of a scheduler. The results are the same; the project does not remember it."""
     scheduler_address: str | None = None
     """Of a dask scheduler whose workers see the project under the same path: tcp://HOST:8786"""
+
+    def contradictions(self) -> list[tuple[str, str]]:
+        """No threads are none."""
+        return [("num_threads", "give -1 or a number above 0")] if self.num_threads == 0 else []
 
 
 def preset(quality: Quality) -> Config:
@@ -151,6 +157,8 @@ def config_from_dict(data: dict[str, Any], source: str = "the configuration") ->
     data = _over_preset(_renamed(data))
     try:
         return TypeAdapter(Config).validate_python(data)
+    except UsageError as error:
+        raise UsageError(f"{source}: {error}") from error
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])

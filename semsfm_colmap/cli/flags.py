@@ -18,6 +18,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 import tyro
 
+from semsfm_colmap.bounds import bounds_of
+
 POSITIONAL = get_args(tyro.conf.Positional[int])[1]
 NO_PREFIX = get_args(tyro.conf.OmitArgPrefixes[int])[1]
 
@@ -127,6 +129,7 @@ def _default(one: Field[Any]) -> Any:
 def _flag(
     name: str, kind: Any, settings: tuple[Any, ...], words: str, section: str, default: Any
 ) -> Flag:
+    bounds = bounds_of(Annotated[kind, *settings] if settings else kind)
     aliases, said, kind = (), "", _kind(kind)
     for setting in settings:  # of tyro.conf.arg
         aliases = getattr(setting, "aliases", None) or aliases
@@ -136,7 +139,7 @@ def _flag(
         kind = made if get_origin(made) is Literal else kind
     return Flag(
         name=_capitals(name) if POSITIONAL in settings else f"--{section}{name}",
-        help=said or words,
+        help=(said or words) + (f" A number {bounds}." if bounds else ""),
         section=section.rstrip("."),
         values="" if kind is bool else _values(kind),
         choices=tuple(str(c) for c in get_args(kind)) if get_origin(kind) is Literal else (),
@@ -156,12 +159,13 @@ def _capitals(name: str) -> str:
 def _kind(hint: Any) -> Any:
     """The type of a value that may also be absent."""
     if get_origin(hint) in (Union, types.UnionType):
-        (kind, *_) = (part for part in get_args(hint) if part is not type(None))
+        (kind, *_) = (_kind(part) for part in get_args(hint) if part is not type(None))
         return Literal["True", "False", "None"] if kind is bool else kind
-    return hint
+    return get_args(hint)[0] if get_origin(hint) is Annotated else hint
 
 
 def _values(kind: Any) -> str:
+    kind = _kind(kind)
     if get_origin(kind) is Literal:
         text = "{" + ",".join(str(choice) for choice in get_args(kind)) + "}"
         return text if len(text) <= MAX_CHOICES else "NAME"

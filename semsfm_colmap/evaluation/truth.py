@@ -6,11 +6,11 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.npz import UNREADABLE
 from semsfm_colmap.types import Float, OrthographicCameras, TriangleMesh
 
 ROTATION_TOLERANCE = 1e-6
@@ -129,10 +129,10 @@ def _mesh(file: Path) -> TriangleMesh | None:
     if not file.is_file():
         return None
     try:
-        with np.load(file) as stored:
+        with file.open("rb") as opened, np.load(opened) as stored:
             vertices = stored["vertices"].astype(np.float64)
             faces = stored["faces"].astype(np.int64)
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+    except UNREADABLE as error:
         raise InputError(f"{file} is not a surface with vertices and faces ({error}).") from error
     if vertices.ndim != 2 or faces.ndim != 2 or not len(faces) or faces.max() >= len(vertices):
         raise InputError(f"{file} holds faces {faces.shape} that do not fit {vertices.shape=}.")

@@ -41,14 +41,22 @@ def aside_path(path: Path, suffix: str = ".part", *, shared: bool = False) -> Pa
 
 
 @contextmanager
-def file_aside(path: Path, *, shared: bool = False) -> Iterator[Path]:
+def file_aside(path: Path, *, suffix: str = ".part", shared: bool = False) -> Iterator[Path]:
     """Where to write a file that takes the place of `path` when the block ends.
 
-    When the block fails, what it wrote is removed and `path` is as it was.
+    It is there, empty, and a file of its own. When the block fails, what it wrote is removed and
+    `path` is as it was.
+
+    Parameters
+    ----------
+    suffix : of its name, where a writer tells formats apart by the ending
+    shared : as in `aside_path`
+
     """
     with full_disk_is_said(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-    aside = aside_path(path, shared=shared)
+        aside = aside_path(path, suffix, shared=shared)
+        make_new(aside)
     try:
         with full_disk_is_said(path):
             yield aside
@@ -68,7 +76,7 @@ def folder_aside(path: Path) -> Iterator[Path]:
     When the block fails, it is removed and `path` is as it was.
     """
     aside = aside_path(path)
-    shutil.rmtree(aside, ignore_errors=True)
+    remove(aside)
     try:
         with full_disk_is_said(path):
             aside.mkdir(parents=True)
@@ -77,18 +85,36 @@ def folder_aside(path: Path) -> Iterator[Path]:
             replace_folder(aside, path)
             sync(path.parent)
     except BaseException:
-        shutil.rmtree(aside, ignore_errors=True)
+        remove(aside)
         raise
 
 
 def replace_folder(aside: Path, path: Path) -> None:
     """Put a finished folder in the place of an older one, which has no call of its own."""
     old = aside_path(path, ".old")
-    shutil.rmtree(old, ignore_errors=True)
-    if path.exists():
+    remove(old)
+    if os.path.lexists(path):
         os.rename(path, old)
     os.rename(aside, path)
-    shutil.rmtree(old, ignore_errors=True)
+    remove(old)
+
+
+def make_new(path: Path) -> None:
+    """An empty file of our own, whatever was there: a link that somebody planted under the name is
+    taken away, not followed.
+    """
+    remove(path)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
+    os.close(os.open(path, flags, 0o666))
+
+
+def remove(path: Path) -> None:
+    """Take a leftover away, as far as that can be: a folder with all in it, a link without."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
 
 
 def write_bytes(content: bytes, path: Path, *, shared: bool = False) -> None:

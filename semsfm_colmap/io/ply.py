@@ -94,20 +94,12 @@ def read_ply_file(path: Path) -> PlyFile:
     lines = header.decode("ascii", "replace").split("\n")
     if not marker or lines[0].strip() != "ply" or "binary_little_endian" not in lines[1]:
         raise InputError(f"{path} is not a binary little-endian PLY file: convert it to one.")
-    counts: dict[str, int] = {}
-    kinds: list[tuple[str, str]] = []
-    face_kinds: list[tuple[str, str]] = []
-    element = ""
-    for line in lines[2:]:
-        word = line.split()
-        if word[:1] == ["element"]:
-            element = word[1]
-            counts[element] = int(word[2])
-        elif word[:1] == ["property"] and element == "vertex":
-            kinds.append((word[2], "<" + _TYPES[word[1]]))
-        elif word[:1] == ["property"] and element == "face" and word[1] != "list":
-            face_kinds.append((word[2], "<" + _TYPES[word[1]]))
-    rows, face_rows = np.dtype(kinds), np.dtype([*_FACE, *face_kinds])
+    try:
+        counts, rows, face_rows = _elements(lines[2:])
+    except (ValueError, KeyError, IndexError) as error:
+        raise InputError(
+            f"{path} has a PLY header that is none ({error}): write it again."
+        ) from error
     num, num_faces = counts.get("vertex", 0), counts.get("face", 0)
     if len(body) < num * rows.itemsize + num_faces * face_rows.itemsize:
         raise InputError(f"{path} is cut short: write it again.")
@@ -117,12 +109,38 @@ def read_ply_file(path: Path) -> PlyFile:
     faces = np.frombuffer(body, dtype=face_rows, count=num_faces, offset=num * rows.itemsize)
     if np.any(faces["n"] != 3):
         raise InputError(f"{path} has faces that are not triangles: triangulate it.")
-    names = [name for name, _ in face_kinds]
+    if np.any((faces["v"] < 0) | (faces["v"] >= num)):
+        raise InputError(f"{path} has faces with vertices that are not there: write it again.")
+    names = [name for name in face_rows.names or () if name not in ("n", "v")]
     return PlyFile(
         vertices=vertices,
         faces=faces["v"].astype(np.int64),
         face_properties=faces[names] if names else None,
     )
+
+
+def _elements(
+    lines: Sequence[str],
+) -> tuple[dict[str, int], np.dtype[Any], np.dtype[Any]]:
+    """How many of each element there are, and the rows of vertices and faces."""
+    counts: dict[str, int] = {}
+    kinds: list[tuple[str, str]] = []
+    face_kinds: list[tuple[str, str]] = []
+    element = ""
+    for line in lines:
+        word = line.split()
+        if word[:1] == ["element"]:
+            element = word[1]
+            counts[element] = int(word[2])
+            if counts[element] < 0:
+                raise ValueError(line.strip())
+        elif word[:1] == ["property"] and element == "vertex":
+            kinds.append((word[2], "<" + _TYPES[word[1]]))
+        elif word[:1] == ["property"] and element == "face" and word[1] != "list":
+            face_kinds.append((word[2], "<" + _TYPES[word[1]]))
+    if counts.get("vertex") and not kinds:
+        raise ValueError("vertices without properties")
+    return counts, np.dtype(kinds), np.dtype([*_FACE, *face_kinds])
 
 
 def write_ply(path: Path | str, surface: PointCloud | TriangleMesh) -> None:

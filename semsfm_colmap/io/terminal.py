@@ -9,8 +9,10 @@ which stand for bytes of a file name that are not UTF-8, cannot be printed and a
 from __future__ import annotations
 
 import sys
+import unicodedata
 
-NO_BREAK_SPACE = "\u00a0"
+SPACE = "Zs"
+"""Spaces of all widths, which Python does not count as printable."""
 
 
 def printable(text: str) -> str:
@@ -51,7 +53,8 @@ def _escaped(text: str, kept: str) -> str:
     if text.isprintable():
         return text
     return "".join(
-        c if c.isprintable() or c in kept or c == NO_BREAK_SPACE else _escape(c) for c in text
+        c if c.isprintable() or c in kept or unicodedata.category(c) == SPACE else _escape(c)
+        for c in text
     )
 
 

@@ -172,7 +172,8 @@ class DaskExecutor:
         token, path = uuid.uuid4().hex, None
         if self.shared_path is not None:
             path = self.shared_path.resolve() / f".semsfm-{token}.part"
-            path.write_text(token, encoding="ascii")
+            with path.open("x", encoding="ascii") as file:
+                file.write(token)
         try:
             answers = client.run(introduction, path, on_error="return")
         finally:

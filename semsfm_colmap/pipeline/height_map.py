@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from semsfm_colmap.errors import InputError, UsageError
-from semsfm_colmap.io.atomic import write_bytes, write_json
+from semsfm_colmap.io.atomic import file_aside, write_bytes, write_json
 from semsfm_colmap.metrology.heights.height_map_options import HeightMapOptions
 from semsfm_colmap.pipeline.project import Project, check_output, locked
 
@@ -146,9 +145,8 @@ def write_formats(levelled: HeightMap, folder: Path, formats: Sequence[str]) -> 
 
     folder.mkdir(exist_ok=True)
     for name in formats:
-        aside = folder / f".{NAME}.part.{name}"
-        write_height_map(levelled, aside)
-        os.replace(aside, folder / f"{NAME}.{name}")
+        with file_aside(folder / f"{NAME}.{name}", suffix=f".part.{name}") as aside:
+            write_height_map(levelled, aside)
 
 
 def errors_of(project: Project, model: Reconstruction, options: HeightMapOptions) -> ErrorModel:

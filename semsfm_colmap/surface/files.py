@@ -15,11 +15,15 @@ import numpy as np
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.geometry.unshared import unshared
 from semsfm_colmap.io.atomic import file_aside, write_bytes, write_json, write_text
+from semsfm_colmap.io.npz import UNREADABLE
 from semsfm_colmap.io.ply import write_ply_file
 from semsfm_colmap.surface.depth_view import DepthView, LazyViews, parallel_view
 from semsfm_colmap.surface.half_series import HalfDifference
 from semsfm_colmap.surface.shading import Shading
 from semsfm_colmap.types import Array, DepthMap, Reconstruction, TriangleMesh
+
+GLTF_FROM_WORLD = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Half a turn about x: ours has y down and z away from the viewer, glTF y up and z toward him."""
 
 
 def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -> tuple[Path, Path]:
@@ -49,7 +53,10 @@ def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -
         baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True
     )
     glb_path, obj_path = folder / f"{stem}.glb", folder / f"{stem}.obj"
-    write_bytes(with_material(matte).export(file_type="glb"), glb_path)
+    # the vertices stay as in mesh.ply; a viewer shows them through the node that holds them
+    scene = trimesh.Scene()
+    scene.add_geometry(with_material(matte), transform=GLTF_FROM_WORLD)
+    write_bytes(scene.export(file_type="glb"), glb_path)
 
     text, extra = trimesh.exchange.obj.export_obj(
         with_material(SimpleMaterial(image=image, diffuse=[255, 255, 255, 255])),
@@ -75,7 +82,8 @@ def read_textured(path: Path | str) -> TriangleMesh:
     import trimesh
 
     try:
-        read = trimesh.load_mesh(path, file_type="glb", process=False)
+        # without what the node says: in the frame of the model
+        (read,) = trimesh.load_scene(path, file_type="glb", process=False).geometry.values()
         uv, picture = read.visual.uv, read.visual.material.baseColorTexture
         faces = np.asarray(read.faces, dtype=np.int64)
         return TriangleMesh(
@@ -137,22 +145,26 @@ def read_depth_map(folder: Path | str, image_name: str) -> DepthMap:
     """Load what `write_depth_map` saved."""
     path = depth_map_path(folder, image_name)
     try:
-        with np.load(path) as data:
+        with path.open("rb") as file, np.load(file) as data:
             depth = data["depth"]
             confidence = data.get("confidence")
             sigma = data.get("sigma")
+        for values in (depth, confidence, sigma):
+            if values is not None and (values.ndim != 2 or values.shape != depth.shape):
+                raise ValueError(f"an array of shape {values.shape}")
+        depth_map = DepthMap(
+            image_name=image_name,
+            depth=depth,
+            confidence=None if confidence is None else confidence.astype(np.float32) / 255.0,
+            sigma=None if sigma is None else sigma.astype(np.float32),
+        )
     except FileNotFoundError:
         raise InputError(f"{path} is missing: run the densify step first.") from None
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except UNREADABLE as error:
         raise InputError(
             f"{path} is not a depth map ({error}): delete it, densify again."
         ) from error
-    return DepthMap(
-        image_name=image_name,
-        depth=depth,
-        confidence=None if confidence is None else confidence.astype(np.float32) / 255.0,
-        sigma=None if sigma is None else sigma.astype(np.float32),
-    )
+    return depth_map
 
 
 def project_views(reconstruction: Reconstruction, folder: Path | str) -> LazyViews:

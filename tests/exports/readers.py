@@ -184,7 +184,7 @@ def read_nvm(folder: Path) -> Scene:
     """model.nvm: rotation w x y z from world to camera, camera centre, centred measurements."""
     text = (folder / "model.nvm").read_text(encoding="utf-8")
     lines = [line for line in text.split("\n") if line.strip()]
-    assert lines[0].startswith("NVM_V3")
+    assert lines[0] == "NVM_V3 "  # with the blank that MeshLab looks for
     num = int(lines[1])
     cameras = []
     for line in lines[2 : 2 + num]:

@@ -176,3 +176,35 @@ def test_a_file_that_was_cut_short_or_is_missing_is_named(tmp_path: Path) -> Non
     write_ply(tmp_path / "c.ply", cloud())
     with pytest.raises(InputError, match="no faces"):
         read_ply_mesh(tmp_path / "c.ply")
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "element vertex 99999999999\nproperty float x",
+        "element vertex -3\nproperty float x",
+        "element vertex many\nproperty float x",
+        "element vertex 3",
+        "element vertex\nproperty float x",
+        "element vertex 1\nproperty quaternion x",
+        "element vertex 1\nproperty float x\nproperty float x",
+        "element vertex 1\nproperty list uchar int x",
+        "element vertex 0\nelement face 99999999999\nproperty list uchar int vertex_indices",
+    ],
+)
+def test_a_header_that_lies_is_refused_in_a_sentence(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "a.ply"
+    text = f"ply\nformat binary_little_endian 1.0\n{header}\nend_header\n"
+    path.write_bytes(text.encode() + bytes(4))
+    with pytest.raises(InputError, match=r"a\.ply (is cut short|has a PLY header that is none)"):
+        read_ply_file(path)
+
+
+def test_a_face_of_a_vertex_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.ply"
+    corners = np.eye(3)
+    write_ply(path, TriangleMesh(vertices=corners, faces=np.array([[0, 1, 2]])))
+    content = path.read_bytes()
+    path.write_bytes(content[:-4] + bytes([9, 0, 0, 0]))
+    with pytest.raises(InputError, match="vertices that are not there"):
+        read_ply_file(path)

@@ -17,7 +17,7 @@ def test_what_a_terminal_obeys_is_shown_as_an_escape(text):
 
 
 def test_letters_of_all_languages_and_units_stay():
-    text = "Körner 花粉 пыльца µm ± 3° \u00a0→ 😀"
+    text = "Körner 花粉 пыльца µm ± 3° \u00a0→ \u2009 😀"
     assert printable_line(text) == printable(text) == text
 
 

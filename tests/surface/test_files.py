@@ -110,3 +110,32 @@ def test_what_is_no_textured_mesh_is_told(tmp_path, data):
     path.write_bytes(data)
     with pytest.raises(InputError, match="no textured mesh"):
         read_textured(path)
+
+
+def test_a_depth_map_damaged_anywhere_is_read_or_refused_in_a_sentence(tmp_path) -> None:
+    rng = np.random.default_rng(0)
+    depth = rng.normal(size=(12, 9)).astype(np.float32)
+    path = write_depth_map(tmp_path, DepthMap(image_name="x.png", depth=depth))
+    content, refused = path.read_bytes(), 0
+    for k in range(400):
+        data = bytearray(content)
+        at = int(rng.integers(len(data)))
+        if k % 2:
+            data[at] ^= 1 << int(rng.integers(8))
+        path.write_bytes(data if k % 2 else data[:at])
+        try:
+            read_depth_map(tmp_path, "x.png")
+        except InputError:
+            refused += 1
+    assert refused > 200
+
+
+def test_a_gltf_viewer_shows_the_mesh_upright_and_from_the_front(tmp_path) -> None:
+    mesh = square(textured=True)
+    glb, _ = write_textured(mesh, tmp_path)
+    shown = trimesh.load_scene(glb).to_geometry()
+    top = mesh.vertices[:, 1].min()  # y down: the top of the image
+    assert shown.vertices[:, 1].max() == -top
+    front = np.asarray(shown.face_normals)
+    assert np.allclose(front, [0, 0, 1])  # it faced -z, toward the microscope's viewer
+    assert np.allclose(read_textured(glb).vertices[:, 1].max(), mesh.vertices[:, 1].max())

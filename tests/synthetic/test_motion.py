@@ -56,7 +56,7 @@ def test_a_step_and_a_range_together_are_refused() -> None:
 
 
 def test_no_images_are_refused() -> None:
-    with pytest.raises(UsageError, match="at least 1"):
+    with pytest.raises(UsageError, match="1 or more"):
         nominal_angles_deg(SynthesizeOptions(num_images=0))
 
 

@@ -258,7 +258,7 @@ def test_a_field_that_would_be_seen_from_the_side_is_refused(tmp_path: Path) -> 
 
 
 def test_no_rays_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="one ray"):
+    with pytest.raises(UsageError, match=r"supersampling .* 1 or more"):
         synthesize(tmp_path, replace(SMALL, supersampling=0))
 
 

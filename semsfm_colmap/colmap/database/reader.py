@@ -30,6 +30,7 @@ from semsfm_colmap.colmap.database.checks import (
     database_sentence,
 )
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.names import check_names
 from semsfm_colmap.types import Array, Float, Int
 
 MAX_NUM_IMAGES = 2147483647
@@ -78,6 +79,7 @@ class DatabaseReader:
         for image_id, name, width, height in rows:
             if not isinstance(name, str) or not name:
                 raise InputError(f"{self.path}: image {image_id} has no name")
+            check_names((name,), self.path)
             if width is None or height is None or width <= 0 or height <= 0:
                 raise InputError(
                     f"{self.path}: {name} has no camera with a size, so nothing is known about the "

@@ -14,6 +14,7 @@ from semsfm_colmap.colmap.database.checks import check_writable, database_senten
 from semsfm_colmap.colmap.library import pycolmap, without_log_lines
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.disk import full_disk_is_said, require_space
+from semsfm_colmap.io.names import check_names
 from semsfm_colmap.types import Array, Float, Int
 
 TRANSACTION_BYTES = 1 << 18
@@ -83,6 +84,7 @@ def read_images(path: Path) -> list[DatabaseImage]:
             DatabaseImage(image_id=i.image_id, name=i.name, camera_id=i.camera_id)
             for i in db.read_all_images()
         ]
+    check_names((image.name for image in images), path)
     return sorted(images, key=lambda image: image.image_id)
 
 

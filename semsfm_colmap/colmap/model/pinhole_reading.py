@@ -100,6 +100,11 @@ def read_pinhole_model(
     rows = rows_of(model)
     names = tuple(image.name for image in images)
     points, colors, observations = _points(model, images, rows)
+    if not np.isfinite(points).all():
+        raise InputError(
+            f"{path} has {int((~np.isfinite(points)).any(axis=1).sum())} points at places that are "
+            "not finite: filter them out with the program that made it"
+        )
     cameras, focal = _cameras(
         path, model, images, rows, points.mean(axis=0) if reference is None else reference
     )
@@ -187,6 +192,8 @@ def _cameras(
         pose = rows[image.name].cam_from_world
         x = pose[:, :3] @ reference + pose[:, 3]
         fx, fy = float(camera.focal_length_x), float(camera.focal_length_y)
+        if not (fx > 0 and fy > 0):
+            raise InputError(f"{path}: the camera of {image.name} has no positive focal length")
         if not x[2] > 0:
             raise InputError(f"{path}: the points lie behind the camera of {image.name}")
         scale = fx / x[2]

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.colmap.library import pycolmap
+from semsfm_colmap.colmap.model.binary_contents import read_binary_contents
+from semsfm_colmap.colmap.model.contents import CLASSIC, check_contents
+from semsfm_colmap.colmap.model.text_contents import read_text_contents
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.types import Float
 
@@ -26,19 +29,44 @@ class ModelRow:
 
 
 def open_model(path: Path) -> Any:
-    """A pycolmap.Reconstruction; one sentence when the folder holds none."""
-    if not any((path / f"points3D.{end}").is_file() for end in ("bin", "txt")):
-        raise InputError(f"{path} holds no COLMAP model: give the folder with points3D.bin or .txt")
+    """A pycolmap.Reconstruction; one sentence when the folder holds none, or a damaged one.
+
+    Nothing is handed to pycolmap before its counts and references are known to be possible.
+    """
+    end = model_files(path)
     try:
-        model = pycolmap.Reconstruction(str(path))
+        contents = read_binary_contents(path) if end == "bin" else read_text_contents(path)
+    except OSError as error:
+        place = error.filename or path
+        raise InputError(f"{place} cannot be read ({error.strerror})") from error
+    check_contents(contents, path, end)
+    names = [image.name for image in contents.images]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"{path} holds the image {twice!r} twice: remove one of them")
+    try:
+        return pycolmap.Reconstruction(str(path))
     except (ValueError, RuntimeError, IndexError) as error:
         text = " ".join(str(error).split())[:160]
         raise InputError(f"{path} cannot be read as a COLMAP model ({text})") from error
-    names = [image.name for image in model.images.values()]
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"{path} holds the image {twice} twice: remove one of them")
-    return model
+
+
+def model_files(path: Path) -> str:
+    """The ending of a model's files, bin before txt; InputError when one is missing."""
+    missing = {
+        end: [name for name in CLASSIC if not (path / f"{name}.{end}").is_file()]
+        for end in ("bin", "txt")
+    }
+    for end, names in missing.items():
+        if not names:
+            return end
+    for end, names in missing.items():
+        if "points3D" not in names:
+            raise InputError(
+                f"{path} has points3D.{end} but no {names[0]}.{end}: copy it there from where the "
+                "model was made"
+            )
+    raise InputError(f"{path} holds no COLMAP model: give the folder with points3D.bin or .txt")
 
 
 def registered(model: Any) -> list[Any]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.names import check_names
 from semsfm_colmap.types import DepthSign, Float, OrthographicCameras, Reconstruction
 
 FORMAT = "semsfm-orthographic"
@@ -92,7 +93,31 @@ def read_sidecar(path: Path) -> dict[str, Any]:
             f"{path} has version {data.get('version')} but this program reads {VERSION}: "
             "update semsfm_colmap or run `semsfm map` again"
         )
+    try:
+        _check(data)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{path} is damaged ({type(error).__name__}: {error}): run `semsfm map` again"
+        ) from error
+    check_names(data["images"], path)
     return data
+
+
+def _check(data: dict[str, Any]) -> None:
+    """Whether all that is read later is there, and numbers are numbers."""
+    shapes = {"cam_from_world": (3, 3), "scale_px_per_unit": (), "translation_px": (2,)}
+    for name, entry in data["images"].items():
+        for key, shape in shapes.items():
+            value = np.array(entry[key], dtype=np.float64)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise ValueError(f"{key} of {name!r}")
+    numbers = (data["aspect"], data["skew"], data["telecentric"]["focal_length_px"])
+    if not np.isfinite(np.array(numbers, dtype=np.float64)).all():
+        raise ValueError("aspect, skew or focal_length_px is not finite")
+    for key in ("world_unit", "pixel_size", "camera_model", "gauge"):
+        data[key]
+    dict(data.get("reliability", {}))
+    depth_sign_from_sidecar(data)
 
 
 def cameras_from_sidecar(data: dict[str, Any], names: tuple[str, ...]) -> OrthographicCameras:

@@ -15,6 +15,7 @@ from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.build import build_model
 from semsfm_colmap.colmap.model.points_ply import FILE_NAME as POINTS_FILE_NAME
 from semsfm_colmap.colmap.model.points_ply import covariance_of, read_points_ply, write_points_ply
+from semsfm_colmap.colmap.model.rows import open_model
 from semsfm_colmap.colmap.model.sidecar import (
     FILE_NAME,
     cameras_from_sidecar,
@@ -187,7 +188,7 @@ def read_model(path: Path | str) -> Reconstruction:
     if not (path / "points3D.bin").is_file() and not (path / "points3D.txt").is_file():
         raise InputError(f"{path} holds no COLMAP model: run `semsfm map` first")
     data = read_sidecar(path / FILE_NAME)
-    model = pycolmap.Reconstruction(str(path))
+    model = open_model(path)
     images = sorted(model.images.values(), key=lambda image: image.image_id)
     order = {name: k for k, name in enumerate(data["images"])}
     missing = [image.name for image in images if image.name not in order]
@@ -204,6 +205,10 @@ def read_model(path: Path | str) -> Reconstruction:
     points, colors = [], []
     for j, point_id in enumerate(sorted(model.points3D)):
         point = model.points3D[point_id]
+        if not np.isfinite(point.xyz).all():
+            raise InputError(
+                f"{path} has a point at a place that is not finite: run `semsfm map` again"
+            )
         points.append(point.xyz)
         colors.append(point.color)
         rows += [

@@ -2,7 +2,8 @@
 
 A camera line is ``name f qw qx qy qz Cx Cy Cz k 0`` with the rotation from world to camera and the
 camera's place C; a point line ``X Y Z R G B n (image keypoint x y) ...`` with measurements relative
-to the image centre. One focal length a camera, square pixels.
+to the image centre. One focal length a camera, square pixels. A blank follows the first word:
+MeshLab looks for one, and ends with a segmentation fault without it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """model.nvm"""
     views = square_pixel_views(scene, options, "nvm")
     reconstruction = scene.reconstruction
-    lines = ["NVM_V3", "", str(len(scene.names))]
+    lines = ["NVM_V3 ", "", str(len(scene.names))]
     for i, name in enumerate(scene.names):
         turn = quaternion_wxyz(views.cam_from_world[i])
         pose = np.array([views.focal_px[i, 0], *turn, *views.centers[i]])

@@ -12,6 +12,7 @@ from typing import Any
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.io.atomic import write_text
+from semsfm_colmap.io.names import check_names
 from semsfm_colmap.types import SemFrame, SemMetadata, SemSeries
 
 FORMAT = "semsfm-series"
@@ -65,6 +66,7 @@ def read_series(path: Path) -> SemSeries:
     """Read what `write_series` wrote."""
     content = _load(path)
     try:
+        check_names((frame["name"] for frame in content["frames"]), path)
         return SemSeries(
             **{
                 **_known(SemSeries, content),
@@ -84,13 +86,13 @@ def read_preparation(path: Path) -> PreparationRecord:
 
 
 def read_written_files(path: Path) -> WrittenFiles:
-    """Files an earlier run wrote; empty where there was none."""
+    """Files an earlier run wrote, which may be removed; empty where there was none."""
     try:
         content = _load(path)
-        return WrittenFiles(
-            images={str(frame["name"]) for frame in content["frames"]},
-            masks={str(name) for name in content.get("preparation", {}).get("masks", ())},
-        )
+        images = {str(frame["name"]) for frame in content["frames"]}
+        masks = {str(name) for name in content.get("preparation", {}).get("masks", ())}
+        check_names([*images, *masks], path)
+        return WrittenFiles(images=images, masks=masks)
     except (InputError, KeyError, TypeError, AttributeError):
         return WrittenFiles(images=set(), masks=set())
 
