@@ -69,6 +69,11 @@ def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceIma
             f"the file asks to be shown turned (orientation {header.orientation}): done so, "
             "its tilt axis is turned too"
         )
+    if header.num_pages > 1:
+        warnings.append(
+            f"the file holds {header.num_pages} pages of one size, of which one is used; a TIFF "
+            "whose pages are a series is given in the place of the folder"
+        )
     if raw.invalid is not None:
         warnings.append(
             f"{int(raw.invalid.sum())} pixels are nan or infinite: set to the darkest value"
