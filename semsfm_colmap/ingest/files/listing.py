@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.ingest.files.angles_in_names import signed_order
 from semsfm_colmap.ingest.files.mrc import STACK_SUFFIXES, companion_files, is_stack, section_names
 from semsfm_colmap.ingest.files.raster import SUFFIXES
 from semsfm_colmap.ingest.files.tiff import is_tiff_stack, page_names
@@ -36,7 +37,7 @@ class FoundImages:
 
 
 def find_images(image_path: Path, project_path: Path | None = None) -> FoundImages:
-    """List the image files below `image_path` in natural order (2 before 10).
+    """List the image files below `image_path` in natural order (2 before 10, -10 before -5).
 
     Of an MRC stack, its sections (`mrc.py`); of a TIFF, its pages (`tiff.py`). A folder that holds
     one stack and nothing else stands for it.
@@ -107,7 +108,9 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
     if len(names) == 1 and is_tiff_stack(image_path / names[0]):
         pages = page_names(image_path / names[0])
         names = [f"{names[0]}/{page}" for page in pages] if len(pages) >= MIN_PAGES else names
-    return FoundImages(names=tuple(natsorted(names)), warnings=tuple(sorted(warnings)))
+    ordered = natsorted(names)
+    ordered = signed_order(ordered) or ordered
+    return FoundImages(names=tuple(ordered), warnings=tuple(sorted(warnings)))
 
 
 def _is_image(file: str) -> bool:

@@ -27,11 +27,10 @@ from semsfm_colmap.ingest.inspect.rows import InspectionRow, row_of, unusable_ro
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.series.copies import View, leave_out_copies, view_of
 from semsfm_colmap.ingest.series.crops import choose_crops
-from semsfm_colmap.ingest.series.overrides import apply_scale_bars, apply_table
+from semsfm_colmap.ingest.series.overrides import apply_scale_bars, apply_tables
 from semsfm_colmap.ingest.series.pixel_size import series_pixel_size
 from semsfm_colmap.ingest.series.refusals import check_options, no_images_message
 from semsfm_colmap.ingest.series.remarks import series_warnings
-from semsfm_colmap.ingest.series.table import read_series_table
 from semsfm_colmap.types import SemFrame
 
 
@@ -151,9 +150,8 @@ def _settle(looks: list[_Look], options: IngestOptions) -> tuple[list[_Look], li
     problems = [*copies, *problems]
     images, more = apply_scale_bars(images, options)
     problems += more
-    if options.series_csv and images:
-        images, more = apply_table(images, read_series_table(options.series_csv))
-        problems += more
+    images, more = apply_tables(images, options)
+    problems += more
     by_name = {image.name: image for image in images}
     kept = [
         replace(look, image=by_name[look.image.name])
