@@ -11,6 +11,7 @@ tests/ingest/metadata/test_fuzz.py.
 from __future__ import annotations
 
 import argparse
+import base64
 import json
 import math
 import os
@@ -73,6 +74,23 @@ def fuzz_tags(code: int) -> Callable[[bytes], None]:
             check_reading(reading)
 
     return target
+
+
+def fuzz_memento(data: bytes) -> None:
+    """Bytes as the XML in base64 of tag 34680."""
+    fuzz_tags(34680)(base64.b64encode(data))
+
+
+def fuzz_calibration(data: bytes) -> None:
+    """Bytes as description, resolution and DigitalMicrograph's scale."""
+    from semsfm_colmap.ingest.metadata import calibration
+
+    start, rest = data[:8], data[8:]
+    for description in (rest, b"ImageJ=1\n" + rest, b"<OME" + rest):
+        tags = {270: description, 282: start, 296: data[:2], 65009: start, 65003: rest[:4]}
+        reading = calibration.read(tags, header(data))
+        if reading is not None:
+            check_reading(reading)
 
 
 def fuzz_sidecar(data: bytes) -> None:
@@ -167,6 +185,11 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     "fei_xml": fuzz_tags(34683),
     "tescan": fuzz_tags(50431),
     "jeol": fuzz_tags(270),
+    "openfibsem": fuzz_tags(270),
+    "phenom": fuzz_tags(34683),
+    "fibics": fuzz_tags(51023),
+    "memento": fuzz_memento,
+    "calibration": fuzz_calibration,
     "sidecar": fuzz_sidecar,
     "file": fuzz_file,
     "table": fuzz_table,
@@ -212,6 +235,24 @@ TABLE = (
 )
 
 
+OPENFIBSEM = (
+    b'{"image": {"beam_type": "ELECTRON", "resolution": [1024, 884]}, "pixel_size": {"x": 1e-7, '
+    b'"y": 1e-7}, "microscope_state": {"stage_position": {"x": 0, "y": 0, "z": 0, "t": 0.1}, '
+    b'"electron_beam": {"working_distance": 0.004, "voltage": 2000, "scan_rotation": 0}}}'
+)
+PHENOM = (
+    b'<FeiImage><databarHeight>17</databarHeight><pixelWidth unit="nm">156.25</pixelWidth>'
+    b'<acquisition><scan><highVoltage unit="kV">15</highVoltage></scan></acquisition></FeiImage>'
+)
+FIBICS = (
+    b'<Fibics><Image><Width>1024</Width><Height>884</Height></Image><Scan><FOV_X units="um">25'
+    b"</FOV_X><Ux>0.1</Ux><Uy>0</Uy></Scan><Stage><Tilt units='deg'>5</Tilt></Stage></Fibics>"
+)
+MEMENTO = (
+    b"<MementoItemCollection><item><key><string>Stage</string></key><value><item><key><string>T"
+    b"</string></key><value><anyType>-0.2</anyType></value></item></value></item>"
+    b"</MementoItemCollection>"
+)
 MDOC = (
     b"PixelSpacing = 250\nImageSize = 6 4\n\n[T = Tilt axis angle = -12.5, binning = 1]\n\n"
     b"[ZValue = 0]\nTiltAngle = -3\n[ZValue = 1]\nTiltAngle = 0\n[ZValue = 2]\nTiltAngle = 3\n"
@@ -238,6 +279,11 @@ def seeds(target: str, data: Path | None) -> list[bytes]:
         "zeiss": [ZEISS],
         "fei_xml": [XML, DOCTYPE, b"<a>" * 40],
         "jeol": [JEOL, JEOL_TILT],
+        "openfibsem": [OPENFIBSEM],
+        "phenom": [PHENOM],
+        "fibics": [FIBICS],
+        "memento": [MEMENTO],
+        "calibration": [b"\x80\x02\0\0\x64\0\0\0unit=um\n", b"12345678/><Image><Pixels"],
         "sidecar": [HITACHI, JEOL, JEOL_TILT],
         "table": [TABLE],
         "stack": [tiny_stack()],

@@ -21,6 +21,9 @@ class IngestOptions(Checked):
     series_csv: Path | None = None
     """Table with a column image and any of tilt_deg, rotation_deg, displacement_um, pixel_size_um;
     overrides what the files say."""
+    tilt_from_names: bool = False
+    """Take the tilt in degrees from the end of the files' names: tilt_-10.tif, tilt_n10.tif
+    (minus), tilt_p10.tif. Overrides the headers; a table overrides the names."""
     tilt_step_deg: float | None = None
     """Nominal tilt between consecutive images, where neither files nor table give a tilt."""
     degrees_per_um: Positive | None = None

@@ -29,7 +29,7 @@ from semsfm_colmap.ingest.series.file import (
     read_written_files,
     write_series,
 )
-from semsfm_colmap.ingest.series.overrides import apply_scale_bars, apply_table
+from semsfm_colmap.ingest.series.overrides import apply_scale_bars, apply_tables
 from semsfm_colmap.ingest.series.pixel_size import leave_out_magnifications, series_pixel_size
 from semsfm_colmap.ingest.series.refusals import (
     check_enough,
@@ -39,7 +39,7 @@ from semsfm_colmap.ingest.series.refusals import (
 )
 from semsfm_colmap.ingest.series.remarks import frame_warnings, series_warnings
 from semsfm_colmap.ingest.series.scan import Progress, scan_images
-from semsfm_colmap.ingest.series.table import SeriesTable, read_series_table
+from semsfm_colmap.ingest.series.table import read_series_table
 from semsfm_colmap.io.atomic import write_bytes
 from semsfm_colmap.io.layout import IMAGES_FOLDER, MASKS_FOLDER, SERIES_FILE
 from semsfm_colmap.types import Array, SemFrame, SemSeries
@@ -61,7 +61,8 @@ def prepare_series(
     check_options(options)
     found = find_images(image_path, project_path)
     check_paths(image_path, project_path)
-    table = read_series_table(options.series_csv) if options.series_csv else None
+    if options.series_csv:
+        read_series_table(options.series_csv)  # what is wrong with it is said before the images
     if not found.names:
         raise InputError(no_images_message(image_path, found.warnings))
     total = 2 * len(found.names)
@@ -72,7 +73,7 @@ def prepare_series(
     images, problems = choose_crops(scan.images, options, scan.overlays)
     warnings += problems
     check_enough(len(images), len(found.names), image_path, warnings)
-    images, problems = _with_overrides(images, table, options)
+    images, problems = _with_overrides(images, options)
     warnings += problems
     images, problems = leave_out_magnifications(images, options.pixel_size_um)
     warnings += problems
@@ -128,13 +129,11 @@ def prepared_names(images: Sequence[SourceImage]) -> list[str]:
 
 
 def _with_overrides(
-    images: Sequence[SourceImage], table: SeriesTable | None, options: IngestOptions
+    images: Sequence[SourceImage], options: IngestOptions
 ) -> tuple[list[SourceImage], list[str]]:
     """Complete the metadata by scale bar and table, the table having the last word."""
     changed, problems = apply_scale_bars(images, options)
-    if table is None:
-        return changed, problems
-    changed, more = apply_table(changed, table)
+    changed, more = apply_tables(changed, options)
     return changed, [*problems, *more]
 
 

@@ -8,12 +8,25 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.ingest.files.angles_in_names import signed_order
 from semsfm_colmap.ingest.files.mrc import STACK_SUFFIXES, companion_files, is_stack, section_names
 from semsfm_colmap.ingest.files.raster import SUFFIXES
+from semsfm_colmap.ingest.files.tiff import is_tiff_stack, page_names
 from semsfm_colmap.io.layout import FILES, FOLDERS, MASKS_FOLDER, SERIES_FILE
 from semsfm_colmap.io.terminal import printable_line
+from semsfm_colmap.io.wording import abbreviate
 
 IMAGE_SUFFIXES = tuple(suffix for kind, of in SUFFIXES.items() if kind != "mrc" for suffix in of)
+
+
+MIN_PAGES = 3
+"""A TIFF alone in a folder with fewer pages is one image, with a thumbnail or a second channel."""
+OTHER_SUFFIXES = (
+    ".dm3", ".dm4", ".emd", ".emi", ".ser", ".jxl", ".heic", ".heif", ".avif", ".psd", ".czi",
+    ".lif", ".nd2", ".oib", ".oir", ".vsi", ".tga", ".pgm", ".ppm", ".pnm", ".dng",
+    ".hdf5", ".avi", ".mp4",
+)  # fmt: skip
+"""Images and films in formats that are not read: they are named, not passed over in silence."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,9 +38,10 @@ class FoundImages:
 
 
 def find_images(image_path: Path, project_path: Path | None = None) -> FoundImages:
-    """List the image files below `image_path` in natural order (2 before 10).
+    """List the image files below `image_path` in natural order (2 before 10, -10 before -5).
 
-    Of an MRC stack, its sections (`mrc.py`).
+    Of an MRC stack, its sections (`mrc.py`); of a TIFF, its pages (`tiff.py`). A folder that holds
+    one stack and nothing else stands for it.
 
     Folders are followed through symbolic links, each real folder once, so that a loop ends.
     Hidden files, a folder ``masks`` and the outputs of a project are not images of the series,
@@ -38,10 +52,14 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
     check_image_path(image_path)
     if is_stack(image_path):
         return FoundImages(names=section_names(image_path), warnings=())
+    if is_tiff_stack(image_path):
+        return FoundImages(names=page_names(image_path), warnings=())
     skip = {(project_path / name).resolve() for name in FOLDERS} if project_path else set()
     names: list[str] = []
     warnings: list[str] = []
     seen: set[tuple[int, int]] = set()
+    other: list[str] = []
+    stacks: list[str] = []
 
     def unreadable(error: OSError) -> None:
         warnings.append(f"{error.filename}: the folder cannot be read ({error.strerror}); skipped.")
@@ -65,6 +83,9 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
         )
         for file in files:
             if not _is_image(file):
+                name = Path(folder, file).relative_to(image_path).as_posix()
+                other += [_shown(name)] if file.lower().endswith(OTHER_SUFFIXES) else []
+                stacks += [name] if is_stack(Path(folder, file)) else []
                 continue
             name = Path(folder, file).relative_to(image_path).as_posix()
             reason = _why_not(Path(folder, file), name)
@@ -72,7 +93,25 @@ def find_images(image_path: Path, project_path: Path | None = None) -> FoundImag
                 warnings.append(f"{_shown(name)}: {reason}")
             else:
                 names.append(name)
-    return FoundImages(names=tuple(natsorted(names)), warnings=tuple(sorted(warnings)))
+    if other:
+        warnings.append(
+            f"{abbreviate(natsorted(other))}: passed over, the format is not read; save as TIFF or "
+            "PNG to use them."
+        )
+    if names and stacks:
+        warnings.append(
+            f"{abbreviate([_shown(name) for name in stacks])}: passed over, a stack is a series of "
+            "its own; give it as such."
+        )
+    if len(stacks) == 1 and not names:
+        sections = section_names(image_path / stacks[0])
+        names = [f"{stacks[0]}/{section}" for section in sections]
+    if len(names) == 1 and is_tiff_stack(image_path / names[0]):
+        pages = page_names(image_path / names[0])
+        names = [f"{names[0]}/{page}" for page in pages] if len(pages) >= MIN_PAGES else names
+    ordered = natsorted(names)
+    ordered = signed_order(ordered) or ordered
+    return FoundImages(names=tuple(ordered), warnings=tuple(sorted(warnings)))
 
 
 def _is_image(file: str) -> bool:
@@ -89,6 +128,8 @@ def source_files(image_path: Path, project_path: Path | None = None) -> list[Pat
     """
     if is_stack(image_path):
         return [image_path, *companion_files(image_path)]
+    if is_tiff_stack(image_path):
+        return [image_path]
     return files_below(image_path, project_path)
 
 
@@ -124,10 +165,10 @@ def check_image_path(image_path: Path) -> None:
     """Refuse what is neither a stack nor a folder that can be listed."""
     if not image_path.exists():
         raise UsageError(f"{image_path} does not exist; give the folder that holds the images.")
-    if not image_path.is_dir() and not is_stack(image_path):
+    if not image_path.is_dir() and not is_stack(image_path) and not is_tiff_stack(image_path):
         raise UsageError(
             f"{image_path} is not a folder; give the folder that holds the images, or an MRC stack "
-            f"({', '.join(STACK_SUFFIXES)})."
+            f"({', '.join(STACK_SUFFIXES)}), or a TIFF with a page for each."
         )
     if not os.access(image_path, os.R_OK if image_path.is_file() else os.R_OK | os.X_OK):
         raise UsageError(f"{image_path} cannot be read: permission denied; change its permissions.")

@@ -32,6 +32,8 @@ IMOD_STAMP = 1146047817
 signed."""
 MODES = {0: 1, 1: 2, 2: 4, 6: 2, 12: 2}
 """Bytes a pixel of the modes that hold grey values."""
+CLEARLY_ROUGHER = 1.3
+"""How much larger the steps between pixels are where bytes are read with the wrong sign."""
 MAX_UNSET_ANGSTROM = 1.0
 """Programs write 0 or 1 Angstrom where no pixel size is known; no image of a SEM has so small a
 one."""
@@ -46,6 +48,8 @@ class StackHeader:
     num_sections: int
     mode: int
     signed_bytes: bool
+    says_sign: bool
+    """Whether IMOD's flag says so, which is not guessed then"""
     pixel_size_um: float | None
     """None where none is set"""
 
@@ -134,9 +138,27 @@ def decode_section(path: Path, header: ImageHeader) -> Array:
     with _opened(path.parent, header_only=False) as file:
         sections = file.data if file.data.ndim == 3 else file.data[None]
         pixels = np.array(sections[header.page][::-1])
-    if stack.mode == 0 and not stack.signed_bytes:
+        signed = stack.signed_bytes
+        if stack.mode == 0 and not stack.says_sign:
+            signed = _smoother_sign(np.asarray(sections[len(sections) // 2]), otherwise=signed)
+    if stack.mode == 0 and not signed:
         return pixels.view(np.uint8)
     return pixels
+
+
+def _smoother_sign(pixels: Array, *, otherwise: bool) -> bool:
+    """Whether bytes are signed: read the wrong way, grey values wrap round in mid-scale.
+
+    That tears an image apart wherever it crosses the middle; many programs write unsigned bytes
+    with the header of signed ones.
+    """
+    steps = [
+        float(np.abs(np.diff(pixels.view(kind).astype(np.int16), axis=1)).mean())
+        for kind in (np.int8, np.uint8)
+    ]
+    if max(steps) < CLEARLY_ROUGHER * min(steps):
+        return otherwise
+    return steps[0] < steps[1]
 
 
 def _opened(stack: Path, *, header_only: bool) -> Any:
@@ -173,16 +195,23 @@ def _stack_header(header: Any) -> StackHeader:
         num_sections=count,
         mode=mode,
         signed_bytes=_signed_bytes(header),
+        says_sign=_imod_flags(header) is not None,
         pixel_size_um=angstrom * 1e-4 if known else None,
     )
 
 
 def _signed_bytes(header: Any) -> bool:
     """Of mode 0: as IMOD's flag says, else unsigned only where the largest value needs it."""
-    raw = header.tobytes()
-    stamp, flags = (int.from_bytes(raw[k : k + 4], "little") for k in (152, 156))
-    big = int.from_bytes(raw[152:156], "big") == IMOD_STAMP
-    if stamp == IMOD_STAMP or big:
-        flags = int.from_bytes(raw[156:160], "big") if big else flags
+    flags = _imod_flags(header)
+    if flags is not None:
         return bool(flags & 1)
     return not (float(header.dmin) >= 0 and float(header.dmax) > np.iinfo(np.int8).max)
+
+
+def _imod_flags(header: Any) -> int | None:
+    """The flags that IMOD writes behind its stamp; None where it wrote none."""
+    raw = header.tobytes()
+    for order in ("little", "big"):
+        if int.from_bytes(raw[152:156], order) == IMOD_STAMP:
+            return int.from_bytes(raw[156:160], order)
+    return None

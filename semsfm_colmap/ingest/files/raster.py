@@ -19,7 +19,7 @@ from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.files.drawn_colour import drawn_colour
 from semsfm_colmap.ingest.files.header import ImageHeader, UnreadableImageError
 from semsfm_colmap.ingest.files.mrc import decode_section, is_section, section_header
-from semsfm_colmap.ingest.files.tiff import decode_tiff, tiff_header
+from semsfm_colmap.ingest.files.tiff import decode_tiff, is_tiff_stack, page_header, tiff_header
 from semsfm_colmap.io.wording import one_line
 from semsfm_colmap.types import Array, Float
 
@@ -72,6 +72,8 @@ def read_header(path: Path, max_pixels: int) -> ImageHeader:
     """Format, size and depth from the first bytes of a file."""
     if is_section(path):
         return _within_limit(section_header(path), max_pixels)
+    if is_tiff_stack(path.parent):
+        return _within_limit(page_header(path), max_pixels)
     try:
         with path.open("rb") as file:
             start = file.read(16)
@@ -119,7 +121,8 @@ def read_pixels(path: Path, header: ImageHeader) -> RawImage:
                 _check_amount(path, header)
             plain, has_alpha = False, False
             if header.format == "tiff":
-                array, has_alpha = decode_tiff(path, header)
+                file = path.parent if is_tiff_stack(path.parent) else path
+                array, has_alpha = decode_tiff(file, header)
             elif header.format == "mrc":
                 array = decode_section(path, header)
             elif header.format == "png" and header.bits == 16:

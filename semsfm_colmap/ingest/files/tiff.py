@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.files.header import ImageHeader, UnreadableImageError
+from semsfm_colmap.io.wording import one_line
 from semsfm_colmap.types import Array
 
 MAX_CHANNELS = 16
@@ -27,6 +30,40 @@ def open_tiff(path: Path) -> Any:
 
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)
     return tifffile.TiffFile(path)
+
+
+def is_tiff_stack(path: Path) -> bool:
+    """Whether a path is a TIFF file, each page of which may be an image."""
+    return path.suffix.lower() in (".tif", ".tiff") and path.is_file()
+
+
+def page_names(path: Path) -> tuple[str, ...]:
+    """``tilts_0001.tif``, ... for the pages of a TIFF that have the size of the first full one."""
+    try:
+        count = len(_full_pages(path))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except Exception as error:  # a hostile header may raise anything
+        raise InputError(f"{path}: the header is damaged ({one_line(str(error))}).") from error
+    return tuple(f"{path.stem}_{k + 1:04d}{path.suffix}" for k in range(count))
+
+
+def page_header(path: Path) -> ImageHeader:
+    """The header of one page, addressed as a file in a folder of the TIFF's name."""
+    number = int(path.stem.rpartition("_")[2]) - 1
+    page = _full_pages(path.parent)[number]
+    return replace(tiff_header(path.parent), page=page, num_pages=1)
+
+
+def _full_pages(path: Path) -> list[int]:
+    first = tiff_header(path)
+    with open_tiff(path) as tiff:
+        return [
+            index
+            for index, page in enumerate(tiff.pages)
+            if not page.is_reduced
+            and (int(page.imagewidth), int(page.imagelength)) == (first.width, first.height)
+        ]
 
 
 def tiff_header(path: Path) -> ImageHeader:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from semsfm_colmap.ingest.files.header import ImageHeader, UnreadableImageError
 from semsfm_colmap.ingest.files.raster import RawImage, read_header, read_pixels, suffix_matches
 from semsfm_colmap.ingest.frame.databar import (
@@ -69,6 +71,11 @@ def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceIma
             f"the file asks to be shown turned (orientation {header.orientation}): done so, "
             "its tilt axis is turned too"
         )
+    if header.num_pages > 1:
+        warnings.append(
+            f"the file holds {header.num_pages} pages of one size, of which one is used; a TIFF "
+            "whose pages are a series is given in the place of the folder"
+        )
     if raw.invalid is not None:
         warnings.append(
             f"{int(raw.invalid.sum())} pixels are nan or infinite: set to the darkest value"
@@ -77,6 +84,8 @@ def scan_image(path: Path, name: str, options: IngestOptions) -> tuple[SourceIma
     if options.crop is None and options.detect_databar:
         row, warning = _databar_row(raw, row, reading)
         warnings.extend([warning] if warning else [])
+        if row is None:
+            warnings.extend(_databar_elsewhere(raw))
     bar = None
     if (options.scale_bar_um or reading.scale_bar_um) is not None:
         bar, warning = _scale_bar(raw, row, reading, options)
@@ -125,6 +134,23 @@ def _scale_bar(
     return None, (
         f"no scale bar was found {where}, or several of different lengths; give pixel_size_um"
     )
+
+
+def _databar_elsewhere(raw: RawImage) -> list[str]:
+    """A sentence about a databar at the top or at a side, with the crop that leaves it out."""
+    height, width = raw.pixels.shape
+    for turned, side in ((raw.pixels[::-1], "top"), (raw.pixels.T, "right"),
+                         (raw.pixels.T[::-1], "left")):  # fmt: skip
+        row = find_databar(np.ascontiguousarray(turned), lossy=raw.header.lossy)
+        if row is not None:
+            crop = {
+                "top": (0, height - row, width, height),
+                "right": (0, 0, row, height),
+                "left": (width - row, 0, width, height),
+            }[side]
+            numbers = " ".join(map(str, crop))
+            return [f"a databar seems to be at the {side}: give --crop {numbers} to cut it off"]
+    return []
 
 
 def _seen_databar(raw: RawImage) -> int | None:

@@ -8,11 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semsfm_colmap.geometry.rotations import rotation_angle
 from semsfm_colmap.ingest.inspect.overlap import Overlap
 from semsfm_colmap.ingest.series.pixel_size import SAME_MAGNIFICATION
 from semsfm_colmap.ingest.series.refusals import MIN_IMAGES
 from semsfm_colmap.io.wording import abbreviate
+from semsfm_colmap.motion.prior import MIN_RANGE_DEG
 from semsfm_colmap.motion.small_tilt import SMALL_ROTATION_DEG
+from semsfm_colmap.motion.stage import stage_rotations
 
 GOOD_IMAGES = 5
 """Three views determine a shape but cannot be checked; from five on errors show."""
@@ -39,6 +42,7 @@ def answer_all(
     names: Sequence[str],
     side_px: Sequence[float],
     tilt_deg: Sequence[float | None],
+    rotation_deg: Sequence[float | None],
     pixel_size_um: Sequence[float | None],
     overlaps: Sequence[Overlap],
     far_overlaps: Sequence[Overlap],
@@ -47,7 +51,7 @@ def answer_all(
     return [
         _enough_images(len(names)),
         _overlapping(names, overlaps),
-        _enough_tilt(tilt_deg, side_px, [*overlaps, *far_overlaps]),
+        _enough_tilt(tilt_deg, rotation_deg, side_px, [*overlaps, *far_overlaps]),
         _same_magnification(names, pixel_size_um, overlaps),
     ]
 
@@ -91,15 +95,49 @@ def _overlapping(names: Sequence[str], overlaps: Sequence[Overlap]) -> Answer:
     )
 
 
+def _turned_deg(
+    tilt_deg: Sequence[float | None], rotation_deg: Sequence[float | None]
+) -> tuple[float, float, float] | None:
+    """Of a stage that rotated, too: the largest angle between the directions of two views, that
+    between neighbours, and the largest rotation, which has a part in the image plane.
+
+    None where the stage only tilted, or too little is known.
+    """
+    both = [(t, r) for t, r in zip(tilt_deg, rotation_deg, strict=True) if None not in (t, r)]
+    if len(both) < 2:
+        return None
+    tilt, rotation = np.deg2rad(np.array(both, dtype=np.float64)).T
+    if np.ptp(rotation) < np.deg2rad(MIN_RANGE_DEG):
+        return None
+    R = stage_rotations(tilt, rotation)
+    # a turn in the image plane shows no depth: what counts is how far the views' directions part
+    directions = R[:, 2]
+    cosine = np.clip(directions @ directions.T, -1.0, 1.0)
+    apart = np.rad2deg(np.arccos(cosine))
+    largest = max(float(np.rad2deg(rotation_angle(R @ one.T)).max()) for one in R)
+    return float(apart.max()), float(np.diagonal(apart, 1).max()), largest
+
+
 def _enough_tilt(
-    tilt_deg: Sequence[float | None], side_px: Sequence[float], overlaps: Sequence[Overlap]
+    tilt_deg: Sequence[float | None],
+    rotation_deg: Sequence[float | None],
+    side_px: Sequence[float],
+    overlaps: Sequence[Overlap],
 ) -> Answer:
     question = "enough tilt"
     known = [value for value in tilt_deg if value is not None and math.isfinite(value)]
     spread = max(known) - min(known) if known else 0.0
+    turned = _turned_deg(tilt_deg, rotation_deg)
+    if turned is not None:
+        spread = turned[0]
     of = "" if len(known) == len(tilt_deg) else f" between the {len(known)} images that record it"
     if spread > 0.5:
-        steps = np.abs(np.diff(np.array(known)))
+        largest = turned[1] if turned else float(np.abs(np.diff(np.array(known))).max())
+        if turned is not None:
+            of += (
+                " between directions of view (rotations of up to "
+                f"{turned[2]:.1f} degrees by tilt and rotation together)"
+            )
         if spread < MIN_TILT_DEG:
             return Answer(
                 question=question, answer="no",
@@ -112,15 +150,15 @@ def _enough_tilt(
                 reason=f"{spread:.1f} degrees in all{of}: depths will depend on the tilts recorded "
                 "and on a constant magnification",
             )  # fmt: skip
-        if steps.max() > MAX_STEP_DEG:
+        if largest > MAX_STEP_DEG:
             return Answer(
                 question=question, answer="yes",
-                reason=f"{spread:.1f} degrees{of}, but steps of up to {steps.max():.1f} are hard "
+                reason=f"{spread:.1f} degrees{of}, but steps of up to {largest:.1f} are hard "
                 f"to match; {MAX_STEP_DEG:.0f} or less are wanted",
             )  # fmt: skip
         return Answer(
             question=question, answer="yes",
-            reason=f"{spread:.1f} degrees{of} in steps of up to {steps.max():.1f}",
+            reason=f"{spread:.1f} degrees{of} in steps of up to {largest:.1f}",
         )  # fmt: skip
     usable = [overlap for overlap in overlaps if overlap.overlapping]
     if not usable:
@@ -130,9 +168,14 @@ def _enough_tilt(
     enough = parallax > MIN_PARALLAX_PART * side
     return Answer(
         question=question,
-        answer="yes" if enough else "no",
+        answer="unknown" if enough else "no",
         reason=f"no tilt is recorded; parallax of {parallax:.1f} px between frames "
-        + ("shows depth" if enough else "is too little to show depth"),
+        + (
+            "shows depth, but not how far the specimen was turned: "
+            f"{SMALL_ROTATION_DEG:.0f} degrees or more are wanted"
+            if enough
+            else "is too little to show depth"
+        ),
     )
 
 

@@ -13,7 +13,8 @@ from semsfm_colmap.ingest.inspect.rows import InspectionRow
 from semsfm_colmap.io.atomic import write_text
 from semsfm_colmap.io.csv_cells import safe_row
 
-FILE_FIELDS = tuple(f.name for f in fields(InspectionRow) if f.name != "displacement_um")
+ONLY_IN_TEXT = ("displacement_um", "kept", "num_pages")
+FILE_FIELDS = tuple(f.name for f in fields(InspectionRow) if f.name not in ONLY_IN_TEXT)
 """Fields of the JSON and CSV files."""
 
 

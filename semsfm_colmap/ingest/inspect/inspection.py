@@ -27,9 +27,11 @@ from semsfm_colmap.ingest.inspect.rows import InspectionRow, row_of, unusable_ro
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.series.copies import View, leave_out_copies, view_of
 from semsfm_colmap.ingest.series.crops import choose_crops
-from semsfm_colmap.ingest.series.overrides import apply_scale_bars, apply_table
+from semsfm_colmap.ingest.series.overrides import apply_scale_bars, apply_tables
+from semsfm_colmap.ingest.series.pixel_size import series_pixel_size
 from semsfm_colmap.ingest.series.refusals import check_options, no_images_message
-from semsfm_colmap.ingest.series.table import read_series_table
+from semsfm_colmap.ingest.series.remarks import series_warnings
+from semsfm_colmap.types import SemFrame
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +92,7 @@ def inspect_images(
         names=[row.name for row in used],
         side_px=[_side(look.image) for look in looks],
         tilt_deg=[row.tilt_deg for row in used],
+        rotation_deg=[row.stage_rotation_deg for row in used],
         pixel_size_um=[row.pixel_size_um for row in used],
         overlaps=overlaps,
         far_overlaps=_far_overlaps([look.features for look in looks]),
@@ -97,8 +100,26 @@ def inspect_images(
     return Inspection(
         rows=tuple(rows[name] for name in found.names if name in rows),
         answers=(*answers, _flagged(used)),
-        remarks=tuple(remarks),
+        remarks=(*remarks, *_series_remarks([look.image for look in looks], options)),
     )
+
+
+def _series_remarks(images: list[SourceImage], options: IngestOptions) -> list[str]:
+    """What `prepare_series` says of the series as a whole."""
+    frames = [
+        SemFrame(
+            name=image.name,
+            width_px=image.size[0],
+            height_px=image.size[1],
+            source_path=str(image.path),
+            crop_px=image.crop,
+            metadata=image.reading.metadata,
+        )
+        for image in images
+    ]
+    if not frames:
+        return []
+    return [*series_pixel_size(frames, options.pixel_size_um).warnings, *series_warnings(frames)]
 
 
 def _look_at(path: Path, name: str, options: IngestOptions) -> _Look:
@@ -129,9 +150,8 @@ def _settle(looks: list[_Look], options: IngestOptions) -> tuple[list[_Look], li
     problems = [*copies, *problems]
     images, more = apply_scale_bars(images, options)
     problems += more
-    if options.series_csv and images:
-        images, more = apply_table(images, read_series_table(options.series_csv))
-        problems += more
+    images, more = apply_tables(images, options)
+    problems += more
     by_name = {image.name: image for image in images}
     kept = [
         replace(look, image=by_name[look.image.name])

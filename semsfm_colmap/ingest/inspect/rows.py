@@ -34,7 +34,10 @@ class InspectionRow:
     detector: str | None = None
     tilt_corrected: bool | None = None
     displacement_um: float | None = None
-    """Only in the text: the fields of the JSON and CSV files are fixed."""
+    """Only in the text, as the next ones: the fields of the JSON and CSV files are fixed."""
+    kept: tuple[int, int] | None = None
+    """Width and height of what is kept, where a databar or a margin is cut off."""
+    num_pages: int = 1
     warnings: tuple[str, ...] = ()
 
 
@@ -45,8 +48,15 @@ def row_of(image: SourceImage, options: IngestOptions, notes: list[str]) -> Insp
         row,
         width=image.size[0],
         height=image.size[1],
+        kept=_kept(image),
+        num_pages=image.header.num_pages,
         warnings=(*image.warnings, *notes),
     )
+
+
+def _kept(image: SourceImage) -> tuple[int, int] | None:
+    x0, y0, x1, y1 = image.crop
+    return (x1 - x0, y1 - y0) if (x1 - x0, y1 - y0) != image.size else None
 
 
 def unusable_row(path: Path, name: str, reason: str, options: IngestOptions) -> InspectionRow:

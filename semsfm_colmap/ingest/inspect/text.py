@@ -18,14 +18,17 @@ _COLUMNS: tuple[tuple[str, Callable[[InspectionRow], object]], ...] = (
     ("file", lambda r: r.name),
     ("size", lambda r: f"{r.width} x {r.height}" if r.width and r.height else None),
     ("bits", lambda r: r.bits),
+    ("pages", lambda r: r.num_pages if r.num_pages > 1 else None),
     ("um/px", lambda r: r.pixel_size_um),
     ("from", lambda r: r.pixel_size_source),
     ("tilt", lambda r: _rounded(r.tilt_deg)),
     ("rot", lambda r: _rounded(r.stage_rotation_deg)),
+    ("scan", lambda r: _rounded(r.scan_rotation_deg) or None),
     ("disp um", lambda r: r.displacement_um),
     ("WD mm", lambda r: _rounded(r.working_distance_um and r.working_distance_um * 1e-3)),
     ("kV", lambda r: r.beam_energy_kev),
     ("detector", lambda r: r.detector),
+    ("kept", lambda r: f"{r.kept[0]} x {r.kept[1]}" if r.kept else None),
     ("!", lambda r: len(r.warnings) or None),
 )
 _LIMITS = {"file": (32, 16), "from": (36, 10), "detector": (10, 6)}

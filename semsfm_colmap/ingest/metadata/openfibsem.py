@@ -34,11 +34,11 @@ def read(content: dict[str, Any], header: ImageHeader) -> MetadataReading:
             value = value.get(key) if isinstance(value, dict) else None
         if isinstance(value, bool) or not isinstance(value, int | float):
             return None
-        return number(repr(float(value)))
+        return number(str(value))
 
-    resolution = content.get("image", {}).get("resolution") if isinstance(
-        content.get("image"), dict
-    ) else None  # fmt: skip
+    image = content.get("image")
+    image = image if isinstance(image, dict) else {}
+    resolution = image.get("resolution")
     raster = None
     if isinstance(resolution, list) and len(resolution) == 2:
         sides = [number(str(side)) for side in resolution]
@@ -58,9 +58,7 @@ def read(content: dict[str, Any], header: ImageHeader) -> MetadataReading:
         out.warn(size.warning)
     if pixel and pixel_y and abs(pixel_y / pixel - 1) > 1e-3:
         out.warn(f"pixels are not square ({pixel:.6g} x {pixel_y:.6g} m): the width is used")
-    beam = "ion_beam" if "ION" in str(content.get("image", {}).get("beam_type", "")).upper() else (
-        "electron_beam"
-    )  # fmt: skip
+    beam = "ion_beam" if "ION" in str(image.get("beam_type", "")).upper() else "electron_beam"
     state = "microscope_state"
     for name, path in (
         ("tilt_rad", (state, "stage_position", "t")),

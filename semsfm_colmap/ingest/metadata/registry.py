@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from semsfm_colmap.ingest.files.header import ImageHeader
+from semsfm_colmap.ingest.files.tiff import is_tiff_stack
 from semsfm_colmap.ingest.metadata import (
     calibration,
     fei,
@@ -50,6 +51,8 @@ def read_metadata(path: Path, header: ImageHeader) -> MetadataReading:
     """
     if header.format == "mrc":
         return tilt_stack.read_section(path)
+    if is_tiff_stack(path.parent):
+        path = path.parent
     problem = None
     reading = None
     tags: dict[int, bytes] = {}

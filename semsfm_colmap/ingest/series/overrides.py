@@ -11,7 +11,12 @@ import numpy as np
 
 from semsfm_colmap.ingest.frame.source import SourceImage
 from semsfm_colmap.ingest.options import IngestOptions
-from semsfm_colmap.ingest.series.table import SeriesTable, match_table
+from semsfm_colmap.ingest.series.table import (
+    SeriesTable,
+    match_table,
+    read_series_table,
+    table_of_names,
+)
 from semsfm_colmap.io.wording import abbreviate
 from semsfm_colmap.types import SemMetadata
 
@@ -57,23 +62,35 @@ def apply_table(
         changed.append(
             replace(
                 image,
-                reading=replace(
-                    image.reading, metadata=_with(old, values, f"table {table.path.name}")
-                ),
+                reading=replace(image.reading, metadata=_with(old, values, table.source)),
             )
         )
     worst = max((abs(v - np.median(tilt_differs)) for v in tilt_differs), default=0.0)
     if worst > SAME_TILT_DEG:
         warnings.append(
-            f"the tilts in {table.path.name} differ from those in the files by up to {worst:.2g} "
-            "degrees; the table is used."
+            f"the tilts in {table.title} differ from those in the files by up to {worst:.2g} "
+            "degrees; the former are used."
         )
     worst = max((abs(v) for v in size_differs), default=0.0)
     if worst > SAME_SIZE:
         warnings.append(
-            f"the pixel sizes in {table.path.name} differ from those in the files by up to "
+            f"the pixel sizes in {table.title} differ from those in the files by up to "
             f"{worst:.1%}; the table is used."
         )
+    return changed, warnings
+
+
+def apply_tables(
+    images: Sequence[SourceImage], options: IngestOptions
+) -> tuple[list[SourceImage], list[str]]:
+    """What the names say where they are asked, then the table, which has the last word."""
+    changed = list(images)
+    warnings: list[str] = []
+    if options.tilt_from_names and images:
+        changed, warnings = apply_table(changed, table_of_names([i.name for i in images]))
+    if options.series_csv and images:
+        changed, more = apply_table(changed, read_series_table(options.series_csv))
+        warnings = [*warnings, *more]
     return changed, warnings
 
 

@@ -105,8 +105,9 @@ def test_a_text_file_with_the_suffix_of_a_stack_is_refused(tmp_path) -> None:
         read_stack_header(tmp_path / "a.st")
 
 
-def test_a_folder_with_nothing_but_a_stack_says_to_give_the_stack(tmp_path) -> None:
+def test_a_folder_with_two_stacks_says_to_give_one(tmp_path) -> None:
     stack = write_stack(tmp_path / "a.st", textures())
+    write_stack(tmp_path / "b.st", textures())
     with pytest.raises(InputError, match=f"give {stack}"):
         prepare_series(tmp_path, tmp_path / "p", OPTIONS)
 

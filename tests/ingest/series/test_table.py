@@ -99,3 +99,32 @@ def test_a_long_table_is_read_in_linear_time(tmp_path: Path) -> None:
     start = process_time()
     assert len(read_series_table(write_table(tmp_path / "s.csv", text)).rows) == 60_000
     assert process_time() - start < 5.0
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_titles_in_words_and_other_encodings_are_understood(
+    tmp_path: Path, encoding: str, separator: str
+) -> None:
+    titles = ("Filename", "Tilt (deg)", "Stage rotation [rad]", "Pixel size (nm)")
+    cells = ("a.tif", "-10.5", "0.5", "156.25")
+    path = tmp_path / "series.csv"
+    text = f"{separator.join(titles)}\n{separator.join(cells)}\n"
+    if separator == ";":
+        text = text.replace(".5", ",5").replace(".25", ",25")
+    path.write_bytes(text.encode(encoding))
+    table = read_series_table(path)
+    (row,) = table.rows
+    assert (row.image, row.tilt_deg) == ("a.tif", -10.5)
+    assert row.rotation_deg == pytest.approx(28.6479, abs=1e-4)
+    assert row.pixel_size_um == pytest.approx(0.15625)
+    assert table.warnings == ()
+
+
+def test_a_column_in_an_unknown_unit_is_said_and_not_used(tmp_path: Path) -> None:
+    path = tmp_path / "series.csv"
+    path.write_text("image,tilt (nm),pixel size (deg)\na.tif,1,2\n")
+    table = read_series_table(path)
+    assert table.rows[0].tilt_deg is None
+    assert table.rows[0].pixel_size_um is None
+    assert "is not known and not used" in table.warnings[0]
