@@ -168,8 +168,9 @@ def keep_changed(project: Project, changed: Sequence[str]) -> list[str]:
     if DATABASE_FILE in changed:
         kept = _keep(project, DATABASE_FILE)
         said.append(
-            f"the changed database is kept as {kept}: `semsfm reconstruct IMAGES --database_path "
-            f"{shlex.quote(str(kept))}` takes its features and matches"
+            f"the changed database is kept as {kept}: `semsfm reconstruct IMAGES --output_path "
+            f"{shlex.quote(str(project.path))} --database_path {shlex.quote(str(kept))}` takes its "
+            "features and matches"
         )
     cloud = f"{DENSE_FOLDER}/fused.ply"
     if cloud in changed and _reads_as_ply(project.path / cloud):

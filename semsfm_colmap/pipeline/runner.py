@@ -151,7 +151,7 @@ class Runner:
         """Go through all stages; run those named that are not up to date."""
         key = source_key(self.record, STAGE_FORMAT)
         before = RunRecord.read(self.project.record)
-        anything = False
+        anything, nothing_of = False, ""
         database_anew = False
         for stage in STAGES:
             key = stage_key(stage, key, self.project, self.config)
@@ -171,10 +171,18 @@ class Runner:
                 if not anything:
                     self.check_libraries(names)
                     anything = True
+                if nothing_of and stage.optional:
+                    # what an earlier run has left of that stage is of another model
+                    error = InputError(f"not made, because {nothing_of} came to nothing")
+                    self.reporter.warn(f"{stage.name}: {error}")
+                    self.keep(stage, failed(stage, 0.0, error))
+                    continue
                 heard = check.without_database if database_anew else check
                 database_anew |= stage.database_part is not None
                 if self.perform(stage, key, heard, wanted=wanted(stage, names)):
                     key = self.record.entry(stage.name).for_later_stages
+                else:
+                    nothing_of = stage.name
         if before != self.record:
             # stamps that have settled since: what was not touched is not read again next time
             self.record.write()

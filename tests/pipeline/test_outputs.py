@@ -16,6 +16,7 @@ from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.series.file import read_series
 from semsfm_colmap.io.ply import read_ply_cloud, write_ply
 from semsfm_colmap.pipeline.export import export_project
+from semsfm_colmap.pipeline.foreign.import_database import reconstruct_from_database
 from semsfm_colmap.pipeline.reporter import Reporter
 from semsfm_colmap.pipeline.runner import reconstruct, run_stages
 from tests.ingest.images import pixels_of, save, texture
@@ -245,3 +246,14 @@ def test_an_export_does_not_leave_out_a_depth_map_that_has_gone(project, way):
     assert str(refused.value) == f"{path} is missing or empty: run `semsfm densify {project}` first"
     assert not any((project / "export").iterdir())
     export_project(project, "nvm")
+
+
+def test_a_database_that_is_imported_into_a_project_is_no_damage_to_it(
+    project, small_series, tmp_path, monkeypatch
+):
+    other = shutil.copy(project / "database.db", tmp_path / "other.db")
+    spy, ear = Spy(monkeypatch, pretend=ALL), Ear()
+    reconstruct_from_database(small_series / "images", other, project, Config(), reporter=ear)
+    assert spy.ran[0] == "map"
+    assert ear.heard == []
+    assert not (project / "changed").exists()

@@ -8,7 +8,7 @@ import pytest
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.config import Config, read_config
-from semsfm_colmap.errors import UsageError
+from semsfm_colmap.errors import InputError, MissingDependencyError, UsageError
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import load_truth
 from semsfm_colmap.pipeline import runner
@@ -228,3 +228,58 @@ def test_a_run_on_a_stack_depends_on_it_and_on_its_angles_alone(tmp_path):
     with_angles = input_hashes(stack, alone)
     assert list(with_angles) == ["a.st", "a.rawtlt"]
     assert with_angles["a.st"] == alone["a.st"]
+
+
+def refuse(on):
+    raise InputError("the depth maps agree nowhere")
+
+
+def test_nothing_is_made_of_what_a_stage_that_failed_has_left_before(
+    project, small_series, monkeypatch, capsys
+):
+    spy = Spy(monkeypatch, pretend=STAGE_NAMES)
+    replace_run(monkeypatch, "densify", refuse)
+    config = replace(Config(), surface=replace(Config().surface, num_normal_neighbors=30))
+    reconstruct(small_series / "images", project, config)
+    assert spy.ran == ["report"]
+    said = capsys.readouterr().err.splitlines()
+    assert said == [
+        "warning: densify: the depth maps agree nowhere",
+        "warning: mesh: not made, because densify came to nothing",
+    ]
+    stages = json.loads((project / "run.json").read_text())["stages"]
+    assert [stages[name]["status"] for name in ("densify", "mesh", "report")] == [
+        "failed", "failed", "done",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("names", [("densify",), ("densify", "mesh")])
+def test_a_stage_that_was_asked_for_and_fails_is_an_error(project, monkeypatch, names):
+    Spy(monkeypatch, pretend=STAGE_NAMES)
+    replace_run(monkeypatch, names[-1], refuse)
+    with pytest.raises(InputError, match="agree nowhere"):
+        run_stages(project, Config(), names=names, force=True)
+
+
+def test_a_library_that_does_not_load_is_named_before_the_first_stage(
+    project, small_series, monkeypatch, capsys
+):
+    def missing():
+        raise MissingDependencyError("open3d is installed but does not load (libGL.so.1)")
+
+    order = []
+
+    def first(on):
+        order.append(capsys.readouterr().err)
+        raise InputError("far enough")
+
+    monkeypatch.setattr("semsfm_colmap.io.open3d_library.import_open3d", missing)
+    Spy(monkeypatch, pretend=STAGE_NAMES)
+    replace_run(monkeypatch, "ingest", first)
+    with pytest.raises(InputError, match="far enough"):
+        run_stages(
+            project, Config(), names=STAGE_NAMES, image_path=small_series / "images", force=True
+        )
+    assert order == [
+        "warning: mesh will come to nothing: open3d is installed but does not load (libGL.so.1)\n"
+    ]

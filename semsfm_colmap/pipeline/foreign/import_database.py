@@ -28,7 +28,7 @@ from semsfm_colmap.pipeline.foreign.map_database import (
     size_on_disk,
     verify_database,
 )
-from semsfm_colmap.pipeline.outputs import check_outputs, fingerprints
+from semsfm_colmap.pipeline.outputs import check_outputs, database_name, fingerprints
 from semsfm_colmap.pipeline.project import Project, locked
 from semsfm_colmap.pipeline.record import RunRecord, StageEntry, hash_file, hash_text
 from semsfm_colmap.pipeline.registry import find_stage, stages_after
@@ -156,6 +156,12 @@ def import_database(
     for name in ("extract", "match"):
         left = fingerprints(find_stage(name), project, {})
         record.stages[name] = replace(record.stages[name], outputs=left)
+    for stage in map(find_stage, stages_after(LAST_REPLACED)):
+        # what it had added to the database went with it
+        if stage.database_part is not None and stage.name in record.stages:
+            entry = record.stages[stage.name]
+            kept = {k: v for k, v in entry.outputs.items() if k != database_name(stage)}
+            record.stages[stage.name] = replace(entry, status="stale", key="", outputs=kept)
     record.write()
 
 
