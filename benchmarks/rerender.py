@@ -93,7 +93,8 @@ def textured(glb: Path) -> TexturedFile:
     """Read a textured mesh; the texture as grey."""
     import trimesh
 
-    mesh = trimesh.load(glb, force="mesh", process=False)
+    # without what the node says, which turns it for viewers
+    (mesh,) = trimesh.load_scene(glb, process=False).geometry.values()
     picture = np.asarray(mesh.visual.material.baseColorTexture.convert("L"), dtype=np.float32)
     return TexturedFile(
         vertices=np.asarray(mesh.vertices, dtype=np.float64),

@@ -69,7 +69,7 @@ def tables(series: Series, folder: Path, only: list[str], number: int, seed: int
     return "\n\n".join(blocks)
 
 
-def main() -> int:
+def main() -> None:
     """Run the command."""
     arguments = parser("reliability", __doc__)
     arguments.add_argument("--only", nargs="+", choices=("damage", "disks", "kills"))
@@ -92,8 +92,9 @@ def main() -> int:
     wrong = [row for row in kept if row["wrong"]]
     for row in wrong:
         print(f"{row['case']}: {'; '.join(map(str, row['wrong']))}", file=sys.stderr)
-    return 1 if wrong else 0
+    if wrong:
+        raise SystemExit(1)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

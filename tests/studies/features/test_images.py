@@ -15,7 +15,9 @@ def test_the_names_of_folders_and_images_do_not_matter(tmp_path, name):
     source, folder = tmp_path / name / "images", tmp_path / f"{name} prepared"
     source.mkdir(parents=True)
     folder.mkdir()
-    pixels = [np.clip(textured() + 2 * k, 0, 255).astype(np.uint8) for k in range(3)]
+    rng = np.random.default_rng(0)
+    noisy = [np.roll(textured(), k, axis=1) + rng.normal(0, 4, (240, 320)) for k in range(3)]
+    pixels = [np.clip(image, 0, 255).astype(np.uint8) for image in noisy]
     for k, image in enumerate(pixels):
         (source / f"{name} {k}.png").write_bytes(cv2.imencode(".png", image)[1].tobytes())
     options = CompareOptions(
