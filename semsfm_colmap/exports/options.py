@@ -25,6 +25,9 @@ class FormatOptions:
     """This k in place of the chosen one; 0 chooses."""
     plain_names: bool = False
     """Copy the images as image_0001.png, ...; names.csv holds the names they had."""
+    grey_images: bool = False
+    """Copy grey images as they are, not as RGB with three equal channels (colmap-float32,
+    nerfstudio, openmvs): a third of the bytes, for programs that read grey ones."""
     fusion_consistency_px: float = 3.0
     """Depths that COLMAP's stereo fusion takes for the same surface (colmap-dense)."""
     min_fusion_pixels: int = 3

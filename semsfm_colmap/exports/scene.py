@@ -79,13 +79,23 @@ class ExportScene:
                 self.reconstruction, self.depth_map_path, names, SurfaceOptions()
             )
 
-    def copy_images(self, folder: Path) -> None:
-        """Copy the registered images under their names in the export."""
+    def copy_images(self, folder: Path, *, rgb: bool = False) -> None:
+        """Copy the registered images under their names in the export.
+
+        Parameters
+        ----------
+        rgb : grey ones as three equal channels, for programs that take the first three of each row
+            of an image's last axis, and of a grey one the first three columns
+
+        """
         for source, name in zip(self.reconstruction.image_names, self.names, strict=True):
             target = folder / name
             target.parent.mkdir(parents=True, exist_ok=True)
             try:
-                shutil.copyfile(self.image_path / source, target)
+                if rgb:
+                    _copy_as_rgb(self.image_path / source, target)
+                else:
+                    shutil.copyfile(self.image_path / source, target)
             except FileNotFoundError:
                 raise InputError(
                     f"{self.image_path / source} is missing: the export needs the prepared images; "
@@ -106,6 +116,18 @@ class ExportScene:
                 shutil.copyfile(mask, target)
                 count += 1
         return count
+
+
+def _copy_as_rgb(source: Path, target: Path) -> None:
+    """Copy an image, a grey one as three equal channels in the same format without loss."""
+    from PIL import Image
+
+    with Image.open(source) as image:
+        if image.mode == "RGB":
+            shutil.copyfile(source, target)
+            return
+        kept = {"quality": 100, "subsampling": 0} if image.format == "JPEG" else {}
+        image.convert("RGB").save(target, format=image.format, **kept)
 
 
 def read_scene(

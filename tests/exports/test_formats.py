@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from semsfm_colmap.colmap.database.reader import read_database
 from semsfm_colmap.colmap.database.work import read_images
@@ -35,6 +36,8 @@ class ExportContract:
     survives = True
     """Whether names with spaces survive; otherwise they are refused."""
     has_images = False
+    rgb_images = False
+    """where a grey image has three channels, unless it is asked to stay grey"""
 
     @pytest.fixture
     def exported(self, plain_exports) -> tuple[Path, Summary]:
@@ -85,7 +88,22 @@ class ExportContract:
         assert self.names(tmp_path / "out") == exported
         for row in table:
             copy = tmp_path / "out" / "images" / row["export"]
-            assert copy.read_bytes() == (special_project / "images" / row["project"]).read_bytes()
+            source = special_project / "images" / row["project"]
+            if not self.rgb_images:
+                assert copy.read_bytes() == source.read_bytes()
+                continue
+            # a loader that takes [..., :3] of what it reads takes channels, not columns
+            pixels = np.asarray(Image.open(copy))
+            assert pixels.shape[2:] == (3,)
+            assert np.array_equal(pixels, np.asarray(Image.open(source).convert("RGB")))
+
+    def test_grey_images_stay_grey_where_that_is_asked(self, plain_project, tmp_path):
+        if not self.rgb_images:
+            return
+        options = FormatOptions(grey_images=True)
+        export_project(plain_project, self.name, tmp_path / "out", options=options)
+        for copy in (tmp_path / "out" / "images").iterdir():
+            assert copy.read_bytes() == (plain_project / "images" / copy.name).read_bytes()
 
     def test_the_folder_states_what_was_written(self, exported):
         folder, summary = exported
@@ -234,6 +252,7 @@ class TestDatabase38(SceneContract):
 class TestColmapFloat32(SceneContract):
     name = "colmap-float32"
     has_images = True
+    rgb_images = True
 
     def read(self, folder: Path) -> readers.Scene:
         return readers.splatting_folder(folder)
@@ -256,6 +275,7 @@ class TestOpenMvs(SceneContract):
     name = "openmvs"
     survives = False
     has_images = True
+    rgb_images = True
 
     def read(self, folder: Path) -> readers.Scene:
         return readers.openmvs_folder(folder)
@@ -291,6 +311,7 @@ class TestColmapDense(SceneContract):
 class TestNerfstudio(ExportContract):
     name = "nerfstudio"
     has_images = True
+    rgb_images = True
 
     def names(self, folder: Path) -> set[str]:
         return set(readers.read_transforms(folder)[0])

@@ -14,5 +14,5 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """images/ and sparse/0 with PINHOLE cameras"""
     views = scene_views(scene, options, float32=True)
     summary = write_model(scene, views, folder / "sparse" / "0", camera_model="PINHOLE")
-    scene.copy_images(folder / "images")
+    scene.copy_images(folder / "images", rgb=not options.grey_images)
     return summary

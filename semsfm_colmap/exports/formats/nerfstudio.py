@@ -67,5 +67,5 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
         points=scale * reconstruction.points, colors=grey if colors is None else colors
     )
     write_ply(folder / "sparse_pc.ply", cloud)
-    scene.copy_images(folder / "images")
+    scene.copy_images(folder / "images", rgb=not options.grey_images)
     return {**pinhole_summary(scene, views), "world_scale": scale, "camera_distance": distance}

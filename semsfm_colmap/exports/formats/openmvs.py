@@ -19,5 +19,5 @@ def write(scene: ExportScene, folder: Path, options: FormatOptions) -> Summary:
     """images/ and sparse/ with text files."""
     views = scene_views(scene, options, float32=True)
     summary = write_model(scene, views, folder / "sparse", text=True, camera_model="PINHOLE")
-    scene.copy_images(folder / "images")
+    scene.copy_images(folder / "images", rgb=not options.grey_images)
     return summary

@@ -35,6 +35,9 @@ from semsfm_colmap.types import Float, PointCloud, TriangleMesh
 MIN_WIDTH = 1e-6
 """A cloud narrower than this share of its length is a line."""
 
+MAX_EXPONENT = 8
+"""A cloud whose spacing is a power of two beyond this, as of a specimen in metres, is scaled."""
+
 
 def mesh_cloud(
     cloud: PointCloud, options: SurfaceOptions, views: Sequence[DepthView] = ()
@@ -71,11 +74,18 @@ def mesh_cloud(
     spread = np.linalg.svd(cloud.points - cloud.points.mean(axis=0), compute_uv=False)
     if spread[1] <= MIN_WIDTH * spread[0]:
         raise InputError("No surface comes of the points: they lie on a line.")
-    if position_type(cloud.points).itemsize > 4 and not len(views):
+    fixed = method.sees_views and len(views) > 0
+    if position_type(cloud.points).itemsize > 4 and not fixed:
         # meshers that compute in float32 would blur the surface
         centre = cloud.points.mean(axis=0)
         near = mesh_cloud(replace(cloud, points=cloud.points - centre), options)
         return replace(near, vertices=near.vertices + centre)
+    exponent = round(float(np.log2(b)))
+    if abs(exponent) > MAX_EXPONENT and not fixed:
+        # meshers hold lengths against absolute ones; a power of two changes no digit
+        unit = 2.0**exponent
+        near = mesh_cloud(replace(cloud, points=cloud.points / unit), options)
+        return replace(near, vertices=near.vertices * unit)
     if method.thins:
         cloud = thin(cloud, options.thinning_factor * b)
         cloud = smooth_along_normals(

@@ -75,11 +75,15 @@ def test_vertex_colours_are_those_of_the_points_there(method: Method) -> None:
     assert np.abs(mesh.vertex_colors[:, 0] - expected).mean() < 6.0
 
 
-def test_the_unit_of_the_world_does_not_matter() -> None:
-    small = mesh_cloud(noisy_ball(2000), SurfaceOptions())
-    large = mesh_cloud(noisy_ball(2000, unit=1024.0), SurfaceOptions())
-    np.testing.assert_array_equal(small.faces, large.faces)
-    np.testing.assert_allclose(large.vertices, 1024.0 * small.vertices)
+@pytest.mark.parametrize("method", ["ball-pivoting", "poisson", "tsdf"])
+@pytest.mark.parametrize("exponent", [-40, -20, 10, 40])
+def test_the_unit_of_the_world_does_not_matter(exponent: int, method: str) -> None:
+    # 2^-40 is a picometre of a metre
+    asked = SurfaceOptions(method=method, poisson_depth=6)
+    usual = mesh_cloud(noisy_ball(2000), asked)
+    other = mesh_cloud(noisy_ball(2000, unit=2.0**exponent), asked)
+    np.testing.assert_array_equal(usual.faces, other.faces)
+    np.testing.assert_array_equal(other.vertices, 2.0**exponent * usual.vertices)
 
 
 def test_a_cloud_without_normals_is_misuse() -> None:

@@ -25,6 +25,8 @@ class Method:
     description: str
     thins: bool = True
     """Points are merged and smoothed before, and small pieces dropped after"""
+    sees_views: bool = False
+    """Depth maps take part, in the units of the world"""
 
     def mesher(self) -> Mesher:
         """The function that makes the triangles; its module is imported now."""
@@ -36,7 +38,12 @@ class Method:
 _ALL = (
     Method("ball-pivoting", "ball_pivoting", "keeps to the points, leaves open what nobody saw"),
     Method("poisson", "poisson", "smooth implicit surface, trimmed where there are no points"),
-    Method("tsdf", "tsdf", "signed distance on a grid, from depth maps where there are any"),
+    Method(
+        "tsdf",
+        "tsdf",
+        "signed distance on a grid, from depth maps where there are any",
+        sees_views=True,
+    ),
     Method("delaunay-2.5d", "delaunay", "height over the mean viewing direction: fields"),
     Method("convex-hull", "convex_hull", "the smallest convex body around the points", thins=False),
 )
