@@ -33,6 +33,8 @@ class Reporter:
         """Append to a log file from now on, what was said before included."""
         if self._file == path:
             return
+        if path.is_symlink():  # whoever planted it chose what would be written to
+            path.unlink()
         handler = LogFile(path, encoding="utf-8")
         handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%d %H:%M:%S"))
         LOGGER.setLevel(logging.INFO)

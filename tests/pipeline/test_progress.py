@@ -71,3 +71,17 @@ def test_on_a_terminal_a_bar_says_the_time_left(monkeypatch):
     assert "map: guided passes" in terminal.getvalue()
     assert "45 %" in terminal.getvalue()
     assert "left" in terminal.getvalue()
+
+
+def test_a_link_in_the_place_of_the_log_is_not_written_through(tmp_path):
+    other = tmp_path / "other.txt"
+    other.write_text("theirs")
+    log = tmp_path / "semsfm.log"
+    log.symlink_to(other)
+    reporter = Reporter(-1)
+    reporter.log_to(log)
+    reporter.say("ours\x1b[2J")
+    reporter.close()
+    assert other.read_text() == "theirs"
+    assert not log.is_symlink()
+    assert "ours\\x1b[2J" in log.read_text(encoding="utf-8")
