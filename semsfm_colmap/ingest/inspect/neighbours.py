@@ -15,6 +15,8 @@ SHEAR = 8e-3
 MIN_OTHER_STEPS = 3
 SHEAR_SPREAD = 3.0
 """Steps of shear below so many standard deviations of the others' are noise of the fit."""
+ALONE = 2.0
+"""A frame at the end is sheared where its step jumps by so many times the largest other jump."""
 MOVED_PART = 0.3
 """Shift between frames, relative to the image side, above which the overlap gets small."""
 FARTHER = 1.3
@@ -71,8 +73,8 @@ def _sticking_out(steps: Float) -> list[float]:
     """For each frame how far it is sheared against both neighbours; 0 where that is no drift.
 
     `steps` (M - 1,) is the shear of each frame against the one before, nan where unknown. The first
-    and the last frame have one neighbour only: their step must stand out while the next one does
-    not.
+    and the last frame have one neighbour only, and no opposite step to bear witness: their step
+    must differ from the next one, which does not stand out, far more than any two others do.
     """
     count = len(steps)
     out = [0.0] * (count + 1)
@@ -89,9 +91,12 @@ def _sticking_out(steps: Float) -> list[float]:
             if before * after < 0 and min(abs(before), abs(after)) > limit:
                 out[i] = (before - after) / 2
             continue
-        step, next_step = (-after, steps[1] - level) if i == 0 else (before, steps[-2] - level)
-        if abs(step) > limit and abs(next_step) <= limit:
-            out[i] = step
+        end, beside_it = (0, 1) if i == 0 else (-1, -2)
+        jump = float(steps[end] - steps[beside_it])
+        others_jump = np.abs(np.diff(steps[1:] if i == 0 else steps[:-1]))
+        usual = float(np.nanmax(others_jump, initial=0.0))
+        if abs(jump) > max(limit, ALONE * usual) and abs(steps[beside_it] - level) <= limit:
+            out[i] = -after if i == 0 else before
     return out
 
 

@@ -59,6 +59,21 @@ def test_the_frame_that_is_sheared_against_both_neighbours_has_drifted(
     assert "sheared by -2." in found[names[frame]]
 
 
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [2.1, 2.2, 2.6, 3.0],  # the shear of a turn grows, and the last frame has only grown
+        [6.3, 6.9, 20.3, 6.1, 19.0, 5.8, 5.5, 8.7, 19.1, 21.2, 8.1, 5.4, 5.8, 22.0],
+        [-9.0, 4.0, -3.0, 5.0, 4.0, 1.0, 2.0],
+    ],
+)
+def test_the_last_frame_of_steps_that_grow_or_jump_has_not_drifted(steps: list[float]) -> None:
+    names = [str(k) for k in range(len(steps) + 1)]
+    for each in (steps, steps[::-1]):
+        found = drifted(names, [1000.0] * len(names), [overlap_of(s / 100) for s in each])
+        assert not {names[0], names[-1]} & set(found)
+
+
 def test_noisy_steps_and_too_few_frames_are_no_drift() -> None:
     noisy = np.random.default_rng(1).normal(0, 0.9, 47)
     names = [f"{i}" for i in range(48)]
