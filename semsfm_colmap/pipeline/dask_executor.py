@@ -204,8 +204,9 @@ class DaskExecutor:
         with scheduler_there():
             context = self._client.submit(unpickled, function, key=f"{name}-function")
         self._finish(context)
-        with scheduler_there(), suppress(TimeoutError, KeyError, OSError):
-            self._client.replicate(context)  # in vain on a worker that has just died
+        # in vain on a worker that has just died; the scheduler draws more of them than are left
+        with scheduler_there(), suppress(TimeoutError, KeyError, OSError, ValueError):
+            self._client.replicate(context)
         return context
 
     def _finish(self, future: Future) -> None:

@@ -58,6 +58,8 @@ def test_nickel_through_colmap_alone_is_as_good_as_through_us(data_path, tmp_pat
             )
     assert theirs.num_images == ours.num_images == 13
     assert theirs.num_observations > 0.9 * ours.num_observations
-    assert theirs.rms_px == pytest.approx(ours.rms_px, rel=0.05)
+    # ours has the weaker matches as well that a search within windows finds
+    assert theirs.rms_px < 1.05 * ours.rms_px
+    assert ours.rms_px < 0.5
     # medians of 13 images with 0.04 deg: a hundredth is what they scatter by
     assert error < our_error + 0.01
