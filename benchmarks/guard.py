@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
 import os
 import platform
 import shutil
@@ -32,7 +33,7 @@ HEAD = ("", "last", "now", "change")
 NUM_IMAGES = 12
 
 
-def render(folder: Path) -> Path:
+def render(folder: Path) -> None:
     """The series: half of the images of the example, at its angles."""
     from semsfm_colmap.synthetic.options import example_options
     from semsfm_colmap.synthetic.series import synthesize
@@ -40,7 +41,6 @@ def render(folder: Path) -> Path:
     if not (folder / "truth.json").is_file():
         shutil.rmtree(folder, ignore_errors=True)
         synthesize(folder, replace(example_options(), num_images=NUM_IMAGES))
-    return folder
 
 
 def machine() -> str:
@@ -99,7 +99,11 @@ def work_of(project: Path, truth: Path) -> dict[str, float]:
 
 def run(folder: Path, *, compiled: bool = False) -> dict[str, Any]:
     """One entry of the results."""
-    series = render(folder / "series")
+    series = folder / "series"
+    # apart: a process begins with the peak memory of the one that started it
+    renderer = multiprocessing.get_context("spawn").Process(target=render, args=(series,))
+    renderer.start()
+    renderer.join()
     project = folder / "project"
     stages: dict[str, dict[str, float]] = {}
     for counts in (True,) if compiled else (False, True):
