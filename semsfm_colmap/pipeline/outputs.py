@@ -200,10 +200,15 @@ def _is_of_model(name: str) -> bool:
 
 
 def _reads_as_model(folder: Path) -> bool:
-    """Whether COLMAP's files of a model are whole, without giving them to a library that hangs."""
-    from semsfm_colmap.colmap.model.whole import is_whole
+    """Whether `semsfm adopt` could open it."""
+    from semsfm_colmap.colmap.model.rows import open_model
+    from semsfm_colmap.errors import InputError
 
-    return is_whole(folder)
+    try:
+        open_model(folder)
+    except InputError:
+        return False
+    return True
 
 
 def _reads_as_image(path: Path) -> bool:
