@@ -19,6 +19,7 @@ from semsfm_colmap.colmap.model.contents import (
     check_camera,
     check_pose,
     damaged,
+    gather,
 )
 from semsfm_colmap.types import Array
 
@@ -85,24 +86,15 @@ class Bytes:
 
 def read_binary_contents(path: Path) -> Contents:
     """Read the .bin files of a model; InputError when one does not hold what it announces."""
-    contents = Contents()
-    _read(path / "cameras.bin", lambda file: contents.camera_ids.extend(_cameras(file)))
-    _read(path / "images.bin", lambda file: contents.images.extend(_images(file)))
-    _read(path / "points3D.bin", lambda file: contents.points.extend(_points(file)))
-    rigs: dict[int, list[int]] = {}
-    frames: dict[int, int] = {}
-    has_rigs, has_frames = ((path / f"{name}.bin").is_file() for name in ("rigs", "frames"))
-    if has_rigs:
-        _read(path / "rigs.bin", lambda file: _rigs(file, rigs))
-    if has_frames:
-        _read(path / "frames.bin", lambda file: _frames(file, frames, contents.frame_images))
-    return Contents(
-        camera_ids=contents.camera_ids,
-        images=contents.images,
-        points=contents.points,
-        frame_images=contents.frame_images,
-        rig_cameras=rigs if has_rigs else None,
-        frame_rigs=frames if has_frames else None,
+    return gather(
+        path,
+        "bin",
+        _read,
+        cameras=_cameras,
+        images=_images,
+        points=_points,
+        rigs=_rigs,
+        frames=_frames,
     )
 
 

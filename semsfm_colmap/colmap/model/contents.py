@@ -8,9 +8,10 @@ against what is there. `binary_contents.py` and `text_contents.py` read; this co
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -71,6 +72,40 @@ class Contents:
     """The rig of each frame; None without frames"""
     frame_images: list[int] = field(default_factory=list)
     """Images that frames hold"""
+
+
+def gather(
+    path: Path,
+    end: str,
+    read: Callable[[Path, Callable[[Any], None]], None],
+    *,
+    cameras: Callable[[Any], Iterable[int]],
+    images: Callable[[Any], Iterable[ImageEntry]],
+    points: Callable[[Any], Iterable[PointEntry]],
+    rigs: Callable[[Any, dict[int, list[int]]], None],
+    frames: Callable[[Any, dict[int, int], list[int]], None],
+) -> Contents:
+    """The contents of a model's files, by the parsers of their format.
+
+    Parameters
+    ----------
+    end : of the files' names
+    read : opens a file for a parser; InputError where the parser meets damage
+
+    """
+    has_rigs, has_frames = ((path / f"{name}.{end}").is_file() for name in ("rigs", "frames"))
+    contents = Contents(rig_cameras={} if has_rigs else None, frame_rigs={} if has_frames else None)
+    read(path / f"cameras.{end}", lambda file: contents.camera_ids.extend(cameras(file)))
+    read(path / f"images.{end}", lambda file: contents.images.extend(images(file)))
+    read(path / f"points3D.{end}", lambda file: contents.points.extend(points(file)))
+    if (of_rigs := contents.rig_cameras) is not None:
+        read(path / f"rigs.{end}", lambda file: rigs(file, of_rigs))
+    if (of_frames := contents.frame_rigs) is not None:
+        read(
+            path / f"frames.{end}",
+            lambda file: frames(file, of_frames, contents.frame_images),
+        )
+    return contents
 
 
 def check_camera(camera_id: int, size: tuple[int, int], parameters: Iterable[float]) -> None:

@@ -16,6 +16,7 @@ from semsfm_colmap.colmap.model.contents import (
     check_camera,
     check_pose,
     damaged,
+    gather,
 )
 from semsfm_colmap.types import Float
 
@@ -32,24 +33,15 @@ POSE_LENGTH = 7
 
 def read_text_contents(path: Path) -> Contents:
     """Read the .txt files of a model; InputError with the line that cannot be one."""
-    contents = Contents()
-    _read(path / "cameras.txt", lambda lines: contents.camera_ids.extend(_cameras(lines)))
-    _read(path / "images.txt", lambda lines: contents.images.extend(_images(lines)))
-    _read(path / "points3D.txt", lambda lines: contents.points.extend(_points(lines)))
-    rigs: dict[int, list[int]] = {}
-    frames: dict[int, int] = {}
-    has_rigs, has_frames = ((path / f"{name}.txt").is_file() for name in ("rigs", "frames"))
-    if has_rigs:
-        _read(path / "rigs.txt", lambda lines: _rigs(lines, rigs))
-    if has_frames:
-        _read(path / "frames.txt", lambda lines: _frames(lines, frames, contents.frame_images))
-    return Contents(
-        camera_ids=contents.camera_ids,
-        images=contents.images,
-        points=contents.points,
-        frame_images=contents.frame_images,
-        rig_cameras=rigs if has_rigs else None,
-        frame_rigs=frames if has_frames else None,
+    return gather(
+        path,
+        "txt",
+        _read,
+        cameras=_cameras,
+        images=_images,
+        points=_points,
+        rigs=_rigs,
+        frames=_frames,
     )
 
 
