@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,8 @@ from semsfm_colmap.motion.prior import known_tilts
 from semsfm_colmap.records import CueFigures, Diagnostics, PartFigures, StartFigures, TiltAgreement
 from semsfm_colmap.refinement.covariance import Covariance
 from semsfm_colmap.refinement.depth_reversal import (
+    CUES,
+    SHAPE_CUES,
     Cue,
     apply_user_word,
     axis_from_receding_edge,
@@ -93,8 +95,8 @@ class Settled:
 def finish(context: SeriesContext, part: Settled) -> MappedPart:
     """Error bars, hand, gauge and world unit of a refined part.
 
-    The hand is judged on the first model: what its tracks see is what matching found by itself, a
-    guided pass sees what the model says should be seen.
+    What hides what is judged on the first model: what its tracks see is what matching found by
+    itself, a guided pass sees what the model says should be seen. The shape is that of the last.
     """
     refined = part.refined
     names = context.names_of(refined.images)
@@ -187,11 +189,19 @@ def cue_figures(cues: Mapping[str, Cue], *, reverse: bool) -> dict[str, CueFigur
     }
 
 
+def cues_of(context: SeriesContext, model: Refined, names: Collection[str]) -> dict[str, Cue]:
+    """Some of the cues that images give, on one state of the model."""
+    sizes = context.image_size_px[model.images]
+    return visibility_cues(model.cameras, model.points, model.observations, sizes, names=names)
+
+
 def find_cues(context: SeriesContext, refined: Refined, first: Refined) -> dict[str, Cue]:
-    """All evidence of the hand: what the tracks see, and the direction of a known tilt."""
-    cues = visibility_cues(
-        first.cameras, first.points, first.observations, context.image_size_px[first.images]
-    )
+    """All evidence of the hand: what the tracks see, the shape, the direction of a known tilt."""
+    found = {
+        **cues_of(context, first, [name for name in CUES if name not in SHAPE_CUES]),
+        **cues_of(context, refined, SHAPE_CUES),
+    }
+    cues = {name: found[name] for name in CUES}
     edge = context.refinement.receding_edge
     # with the stage's rotation the axis of the tilt turns in the specimen: no turn about one axis
     rotates = context.tilt is not None and context.tilt.rotation_rad is not None

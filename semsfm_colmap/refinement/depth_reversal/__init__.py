@@ -20,9 +20,15 @@ from semsfm_colmap.refinement.depth_reversal.known_tilt import (
     axis_from_receding_edge,
     known_tilt_cue,
 )
-from semsfm_colmap.refinement.depth_reversal.visibility import visibility_cues
+from semsfm_colmap.refinement.depth_reversal.visibility import (
+    CUES,
+    SHAPE_CUES,
+    visibility_cues,
+)
 
 __all__ = [
+    "CUES",
+    "SHAPE_CUES",
     "Cue",
     "DepthSignWord",
     "apply_user_word",

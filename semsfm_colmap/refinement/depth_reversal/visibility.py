@@ -24,7 +24,7 @@ direction: even under reversal, as a condition must be. The t statistics change 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,6 +81,9 @@ MIDDLE_SHARE, RIM_SHARE = 0.5, 0.15
 """Parts of the seen points, by distance from their middle, that count as middle and as rim."""
 
 
+SHAPE_CUES = ("bulge",)
+"""Cues that ask where the surface is, and not which views miss a point of it: the more points a
+model has the better, also those that were looked for with the model."""
 CUES = {
     "near side": (NEAR_LOGIT_PER_T, CONVEX_MAX_LOGIT),
     "bulge": (BULGE_LOGIT_PER_T, CONVEX_MAX_LOGIT),
@@ -114,6 +117,7 @@ def visibility_cues(
     observations: Observations,
     image_size_px: Int,
     *,
+    names: Collection[str] = tuple(CUES),
     max_points: int = 20000,
     max_images: int = 120,
 ) -> dict[str, Cue]:
@@ -123,25 +127,27 @@ def visibility_cues(
     ----------
     observations : inliers only
     image_size_px : (M, 2) width, height
+    names : the cues wanted
     max_points, max_images : larger models are thinned evenly to so many
 
     """
     observed = np.unique(observations.track_idx)
     if len(observed) < MIN_POINTS:
-        return {name: silent() for name in CUES}
+        return {name: silent() for name in names}
     pick = observed[spread_over(len(observed), max_points)]
     views = _who_sees_what(cameras, points, observations, image_size_px, pick, max_images)
     spacing, body = _framing(views)
     facing_well = views.facing > _mean_over(views.seen, views.facing) + FACING_MARGIN
-    value = {
-        "near side": _near_side(views),
-        "bulge": _bulge(views),
-        "occlusion order": _order(views, facing_well, ORDER_CELL * spacing, ORDER_STEP),
-        "covered steps": _order(views, views.inside, STEPS_CELL * spacing, STEPS_STEP),
+    value: dict[str, Callable[[], Float]] = {
+        "near side": lambda: _near_side(views),
+        "bulge": lambda: _bulge(views),
+        "occlusion order": lambda: _order(views, facing_well, ORDER_CELL * spacing, ORDER_STEP),
+        "covered steps": lambda: _order(views, views.inside, STEPS_CELL * spacing, STEPS_STEP),
     }
     cues = {}
-    for name, (logit_per_t, max_logit) in CUES.items():
-        t, num = region_t(value[name], views.points)
+    for name in names:
+        logit_per_t, max_logit = CUES[name]
+        t, num = region_t(value[name](), views.points)
         speaks = body or name not in CONVEX_CUES
         cues[name] = cue_from_t(t, num, logit_per_t, max_logit) if speaks else silent(t, num)
     return cues
