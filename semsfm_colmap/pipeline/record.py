@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from semsfm_colmap.io.atomic import write_json
+from semsfm_colmap.io.versions import check_version
 from semsfm_colmap.records import StageRecord, from_plain, to_plain
 from semsfm_colmap.version import __version__
 
@@ -77,13 +78,21 @@ class RunRecord:
 
     @classmethod
     def read(cls, path: Path) -> RunRecord:
-        """The record of a project, empty when there is none or it cannot be read."""
+        """The record of a project, empty when there is none or it cannot be read.
+
+        Raises
+        ------
+        InputError
+            A newer version of the program has made the project.
+
+        """
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return cls(path=path)
         if not isinstance(data, dict) or data.get("format") != FORMAT:
             return cls(path=path)
+        check_version(data, VERSION, path)
         entries = {
             name: from_plain(StageEntry, entry) for name, entry in data.get("stages", {}).items()
         }
