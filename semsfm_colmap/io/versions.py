@@ -16,14 +16,15 @@ from semsfm_colmap.errors import InputError
 from semsfm_colmap.version import __version__
 
 
-def check_version(content: Mapping[str, Any], newest: int, source: Path) -> None:
+def check_version(content: Mapping[str, Any], newest: int, source: Path, again: str) -> None:
     """Refuse what a newer program has written.
 
     Parameters
     ----------
-    content : of the file; one that says no version is of the first
+    content : of the file
     newest : the highest version that is read
     source : the file
+    again : what makes it again, where it is damaged
 
     Raises
     ------
@@ -31,11 +32,9 @@ def check_version(content: Mapping[str, Any], newest: int, source: Path) -> None
         The version is higher, or is none at all.
 
     """
-    found = content.get("version", 1)
+    found = content.get("version")
     if isinstance(found, bool) or not isinstance(found, int) or found < 1:
-        raise InputError(
-            f"{source} is damaged (version = {found!r}): take it from a copy, or make it again"
-        )
+        raise InputError(f"{source} is damaged (version = {found!r}): {again}")
     if found > newest:
         raise InputError(
             f"{source} was written by a newer semsfm (its version is {found}, semsfm {__version__} "

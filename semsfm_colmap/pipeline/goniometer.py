@@ -173,7 +173,7 @@ def read_goniometer(project: Project) -> GoniometerRecord | None:
         return None
     if not isinstance(data, dict):
         return None
-    check_version(data, VERSION, path)
+    check_version(data, VERSION, path, "run `semsfm goniometer` again")
     record = from_plain(GoniometerRecord, data)
     return record if record is not None and record.model == model_digest(project) else None
 

@@ -197,9 +197,11 @@ def locked_folder(path: Path, lock_file: str) -> Iterator[None]:
     finally:
         if [entry.name for entry in path.iterdir()] == [lock_file]:
             # nothing came of it: the folder need not have been made
-            (path / lock_file).unlink()
+            with suppress(PermissionError):
+                (path / lock_file).unlink()
             lock.release()
             with suppress(OSError):
+                (path / lock_file).unlink(missing_ok=True)  # Windows keeps what is open
                 path.rmdir()
         else:
             lock.release()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-import resource
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -92,7 +91,7 @@ class RunRecord:
             return cls(path=path)
         if not isinstance(data, dict) or data.get("format") != FORMAT:
             return cls(path=path)
-        check_version(data, VERSION, path)
+        check_version(data, VERSION, path, "remove it, and the stages are run again")
         entries = {
             name: from_plain(StageEntry, entry) for name, entry in data.get("stages", {}).items()
         }
@@ -167,6 +166,10 @@ def hash_file(path: Path) -> str:
 
 
 def peak_memory_mb() -> float:
-    """Largest resident memory of this process so far."""
+    """Largest resident memory of this process so far; 0 on Windows, which does not say."""
+    try:
+        import resource
+    except ImportError:
+        return 0.0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (1 << 20 if sys.platform == "darwin" else 1 << 10)

@@ -55,7 +55,7 @@ def read_table(folder: Path) -> dict[str, Any]:
         raise InputError(f"{path} is missing: run `semsfm segment {folder.parent}` first") from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise InputError(f"{path} cannot be read ({error}): run `semsfm segment` again") from error
-    check_version(content, TABLE_VERSION, path)
+    check_version(content, TABLE_VERSION, path, "run `semsfm segment` again")
     return content
 
 

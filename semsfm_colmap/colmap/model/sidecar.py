@@ -89,7 +89,7 @@ def read_sidecar(path: Path) -> dict[str, Any]:
         raise InputError(f"{path} is not valid JSON: run `semsfm map` again") from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise InputError(f"{path} is not a {FORMAT} file: run `semsfm map` again")
-    check_version(data, VERSION, path)
+    check_version(data, VERSION, path, "run `semsfm map` again")
     try:
         _check(data)
     except (KeyError, TypeError, ValueError, AttributeError) as error:

@@ -113,7 +113,7 @@ def _load(path: Path) -> dict[str, Any]:
         raise InputError(f"{path} is not valid JSON ({error}); {_again(path)}") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InputError(f"{path} is not a series file; {_again(path)}")
-    check_version(content, VERSION, path)
+    check_version(content, VERSION, path, _again(path))
     return content
 
 

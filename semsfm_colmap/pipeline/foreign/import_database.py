@@ -253,7 +253,7 @@ def find_images(reader: DatabaseReader, series: SemSeries, image_path: Path) -> 
             names.setdefault(key, []).append(image)
     found: list[StoredImage] = []
     for frame in series.frames:
-        source = Path(os.path.relpath(frame.source_path, image_path)).as_posix()
+        source = _below(Path(frame.source_path), image_path)
         match = None
         for level, names in enumerate(keys):
             for name in (frame.name, source):
@@ -268,6 +268,14 @@ def find_images(reader: DatabaseReader, series: SemSeries, image_path: Path) -> 
             )
         found.append(match)
     return found
+
+
+def _below(path: Path, folder: Path) -> str:
+    """A path from a folder on; its name alone where no way leads there, as between two drives."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:
+        return path.name
 
 
 def _name_keys(name: str) -> Sequence[str]:

@@ -132,7 +132,9 @@ def read_record(folder: Path) -> dict[str, Any]:
         raise InputError(
             f"{path} cannot be read ({error}): run `semsfm mesh --colmap_path` again"
         ) from error
-    check_version(content, VERSION, path)
+    # the first ones said no version
+    again = "run `semsfm mesh --colmap_path` again"
+    check_version({"version": 1, **content}, VERSION, path, again)
     return content
 
 
