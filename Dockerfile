@@ -17,7 +17,7 @@ RUN apt-get update \
 WORKDIR /src
 COPY . .
 # the versions that the tests run with
-RUN pip install --no-cache-dir --constraint constraints.txt . \
+RUN pip install --no-cache-dir --constraint constraints.txt ".[mesh]" \
     && useradd --uid 1000 --create-home semsfm \
     && mkdir /out \
     && chown semsfm /out

@@ -1,13 +1,13 @@
-"""The licences of everything that `pip install semsfm-colmap` brings along.
+"""The licences of everything that `pip install semsfm-colmap` and its extras bring along.
 
     python scripts/licences.py                       a table, as Markdown
     python scripts/licences.py --write docs/licences.md    the same, between the page's markers
     python scripts/licences.py --check               exit code 1 where one is none that may be here
 
-What is installed is looked at, in the environment that runs this: the package's requirements
-without extras, and theirs. A licence is what the distribution's metadata say (the expression, else
-the classifiers, else the field). GPL and AGPL are refused, and what says nothing; LGPL and MPL are
-noted, as they ask something of who changes the library itself.
+What is installed is looked at, in the environment that runs this: the package's requirements with
+all extras but `dev`, and theirs. A licence is what the distribution's metadata say (the expression,
+else the classifiers, else the field). GPL and AGPL are refused, and what says nothing; LGPL and MPL
+are noted, as they ask something of who changes the library itself.
 """
 
 from __future__ import annotations
@@ -33,10 +33,11 @@ KNOWN_TEXTS: Mapping[str, str] = {}
 Kind = Literal["permissive", "weak copyleft", "copyleft", "unknown"]
 
 
-def needed(name: str = ROOT, extra: str = "") -> list[Distribution]:
+def needed(name: str = ROOT) -> list[Distribution]:
     """All distributions that one asks for, through others too, as far as they are installed."""
     found: dict[str, Distribution] = {}
-    todo = [(name, frozenset({extra}))]
+    extras = set(distribution(name).metadata.get_all("Provides-Extra") or ()) - {"dev"}
+    todo = [(name, frozenset({"", *extras}))]
     seen: set[tuple[str, frozenset[str]]] = set()
     while todo:
         key = todo.pop()
