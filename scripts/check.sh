@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# The one check: set up, format, lint, types, import layers, changelog, documentation, tests.
+# The one check: set up, format, lint, types, import layers, changelog, licences, documentation,
+# tests.
 # usage: scripts/check.sh [--all] [PIECE ...]
 #   --all   also the slow tests and those on development data
-#   PIECE   format, lint, types, layers, changelog, docs or tests: these alone
+#   PIECE   format, lint, types, layers, changelog, licences, docs or tests: these alone
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin="${SEMSFM_VENV:-.venv}/bin"
@@ -13,7 +14,7 @@ if [ "${1:-}" = "--all" ]; then
 fi
 # one piece is for between two commits: what is set up is taken as it is
 [ $# -gt 0 ] && [ -x "$bin/pytest" ] || bash scripts/setup.sh dev
-[ $# -gt 0 ] || set -- format lint types layers changelog docs tests
+[ $# -gt 0 ] || set -- format lint types layers changelog licences docs tests
 for piece in "$@"; do
     case "$piece" in
         format) "$bin/ruff" format --check --quiet . ;;
@@ -21,6 +22,8 @@ for piece in "$@"; do
         types) "$bin/mypy" --no-error-summary ;;
         layers) "$bin/lint-imports" --no-logo >/dev/null || "$bin/lint-imports" ;;
         changelog) "$bin/python" scripts/check_changelog.py ;;
+        # of what is installed by default: no GPL
+        licences) "$bin/python" scripts/licences.py --check ;;
         # every link and anchor within the site, every page in its navigation; no network is asked
         # (--quiet would pass over all of them)
         docs) NO_MKDOCS_2_WARNING=1 "$bin/mkdocs" build --strict 2>&1 | sed '/^INFO/d' ;;

@@ -42,6 +42,7 @@ from semsfm_colmap.ingest.series.scan import Progress, scan_images
 from semsfm_colmap.ingest.series.table import read_series_table
 from semsfm_colmap.io.atomic import write_bytes
 from semsfm_colmap.io.layout import IMAGES_FOLDER, MASKS_FOLDER, SERIES_FILE
+from semsfm_colmap.io.names import as_on_disk
 from semsfm_colmap.types import Array, SemFrame, SemSeries
 
 
@@ -115,17 +116,19 @@ def prepare_series(
 
 def prepared_names(images: Sequence[SourceImage]) -> list[str]:
     """Name of each prepared image: kept where the format can hold it, else with ``.png``."""
-    names: dict[str, str] = {}
+    names: dict[str, tuple[str, str]] = {}
     for image in images:
         suffix = PurePosixPath(image.name).suffix
         keeps = suffix.lower() in LOSSLESS_SUFFIXES or _keeps_jpeg(image)
         name = image.name if keeps else image.name[: len(image.name) - len(suffix)] + ".png"
-        if name in names:
+        key = as_on_disk(name)
+        if key in names:
+            other = names[key][0]
             raise InputError(
-                f"both {names[name]} and {image.name} would be prepared as {name}; rename one."
+                f"both {other} and {image.name} would be prepared as {name}; rename one."
             )
-        names[name] = image.name
-    return list(names)
+        names[key] = image.name, name
+    return [name for _, name in names.values()]
 
 
 def _with_overrides(

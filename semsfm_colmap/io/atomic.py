@@ -32,12 +32,14 @@ def aside_path(path: Path, suffix: str = ".part", *, shared: bool = False) -> Pa
         written into a project needs none, it is locked, and finds its leftovers again.
 
     """
-    name = os.fsencode(path.name)
-    if len(name) > MAX_NAME_BYTES:
+    name, whole = path.name, os.fsencode(path.name)
+    while len(os.fsencode(name)) > MAX_NAME_BYTES:
+        name = name[:-1]  # whole characters: not every system takes half of one
+    if name != path.name:
         # long names often differ at their end
-        name = name[:MAX_NAME_BYTES] + b".%08x" % zlib.crc32(name)
+        name = f"{name}.{zlib.crc32(whole):08x}"
     process = f".{os.getpid()}" if shared else ""
-    return path.with_name(f".{os.fsdecode(name)}{process}{suffix}")
+    return path.with_name(f".{name}{process}{suffix}")
 
 
 @contextmanager

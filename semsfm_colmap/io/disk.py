@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from semsfm_colmap.errors import DiskFullError
 
-FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+FULL = frozenset(
+    getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG") if hasattr(errno, name)
+)
 """No space, no quota, or the limit of `ulimit -f`."""
 SENTENCES = ("disk is full", "no space left", "file too large")
 MIN_FREE_BYTES = 1 << 16
@@ -83,10 +87,9 @@ def _free_bytes(path: Path) -> float:
     while not path.exists() and path != path.parent:
         path = path.parent
     try:
-        status = os.statvfs(path)
+        return shutil.disk_usage(path).free
     except OSError:
         return float("inf")
-    return status.f_bavail * status.f_frsize
 
 
 def _at_limit(path: Path) -> bool:
@@ -99,8 +102,11 @@ def _at_limit(path: Path) -> bool:
 
 
 def _file_limit() -> int | None:
-    import resource
-
+    """Of `ulimit -f`; None without, and on Windows, which has none."""
+    try:
+        import resource
+    except ImportError:
+        return None
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     return None if limit == resource.RLIM_INFINITY else limit
 
@@ -143,7 +149,8 @@ def to_disk(path: Path) -> None:
 def sync(path: Path) -> None:
     """The same of a file, or of the names in a folder alone."""
     with suppress(FileNotFoundError, PermissionError):
-        handle = os.open(path, os.O_RDONLY)
+        # Windows opens no folders, and brings to the disk only what is open for writing
+        handle = os.open(path, os.O_RDWR if sys.platform == "win32" else os.O_RDONLY)
         try:
             os.fsync(handle)
         except OSError as error:

@@ -17,7 +17,7 @@ from semsfm_colmap.colmap.options import AdoptionOptions
 from semsfm_colmap.config import Config, read_config
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.pipeline.outputs import fingerprints
-from semsfm_colmap.pipeline.project import Project, locked
+from semsfm_colmap.pipeline.project import Project, locked, open_project
 from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.registry import find_stage, stages_after
 
@@ -56,7 +56,7 @@ def adopt_model(
 
     """
     options = options or AdoptionOptions()
-    project = Project(Path(project_path))
+    project = open_project(project_path)
     target = project.sparse / str(model)
     changed_path = Path(changed_path)
     if not target.is_dir():

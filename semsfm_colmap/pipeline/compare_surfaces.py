@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import folder_aside, write_bytes, write_json
-from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.project import Project, open_project
 
 if TYPE_CHECKING:
     from semsfm_colmap.metrology.heights.comparison import SurfaceComparison, Volume
@@ -68,9 +68,9 @@ def compare_projects(
     from semsfm_colmap.pipeline.height_map import part_of_mesh, specimen_with_mesh, transfer_of
 
     formats = [check_format(name) for name in to]
-    projects = [Project(Path(before_path)), Project(Path(after_path))]
+    projects = [open_project(before_path), open_project(after_path)]
     output = Path(output_path)
-    check_paths(projects, output)
+    check_place(output)
     specimens = [specimen_with_mesh(project) for project in projects]
     models = [specimen.model for specimen in specimens]
     unit = common_unit(projects, models)
@@ -105,11 +105,8 @@ def compare_projects(
     return data
 
 
-def check_paths(projects: Sequence[Project], output: Path) -> None:
-    """Refuse what is no project, and to overwrite what is no comparison."""
-    for project in projects:
-        if not project.path.is_dir():
-            raise UsageError(f"{project.path} is not a folder: give a project folder")
+def check_place(output: Path) -> None:
+    """Refuse to overwrite what is no comparison."""
     if output.exists() and not (output / COMPARISON_FILE).is_file():
         raise UsageError(f"{output} exists and is no comparison: give another --output_path")
 

@@ -9,7 +9,7 @@ from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.table import format_evaluation
 from semsfm_colmap.evaluation.truth import load_truth
-from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.project import open_project
 
 
 def evaluate_project(
@@ -18,7 +18,7 @@ def evaluate_project(
     """Figures of a model of a project, and of the mesh for model 0, against the truth; a table."""
     from semsfm_colmap.io.ply import read_ply_mesh
 
-    project = Project(Path(project_path))
+    project = open_project(project_path)
     truth = load_truth(Path(truth_path))
     reconstruction = read_model(project.sparse / str(model))
     mesh_file = project.mesh / "mesh.ply"

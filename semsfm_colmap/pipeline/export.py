@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.errors import InputError
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.registry import find_format
 from semsfm_colmap.exports.scene import Summary, read_scene
 from semsfm_colmap.exports.write import export_mesh, export_scene
 from semsfm_colmap.pipeline.foreign.mesh_colmap import RECORD, read_record
 from semsfm_colmap.pipeline.outputs import command_of
-from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.project import Project, open_project
 from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.registry import find_stage
 
@@ -48,10 +48,8 @@ def export_project(
     """
     options = options or FormatOptions()
     find_format(format_name)
-    project = Project(Path(project_path))
+    project = open_project(project_path)
     model_path = project.sparse / str(model)
-    if not project.path.is_dir():
-        raise UsageError(f"{project.path} is not a folder: give a project folder")
     if (project.path / RECORD).is_file():
         target = project.path / "export" / format_name if output_path is None else output_path
         unit = read_record(project.path).get("world_unit", "")

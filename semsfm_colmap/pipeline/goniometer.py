@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.atomic import write_json, write_text
 from semsfm_colmap.io.csv_cells import safe_cell
 from semsfm_colmap.io.layout import GONIOMETER_FILE
-from semsfm_colmap.pipeline.project import Project, check_output, locked
+from semsfm_colmap.io.versions import check_version
+from semsfm_colmap.pipeline.project import Project, check_output, locked, open_project
 from semsfm_colmap.records import GoniometerRecord, Reliability, from_plain, to_plain
 
 if TYPE_CHECKING:
@@ -59,10 +60,8 @@ def measure_rotation(
     from semsfm_colmap.config import Config, read_config
     from semsfm_colmap.pipeline.runner import run_stages
 
-    project = Project(Path(project_path))
+    project = open_project(project_path)
     table = None if displacement_path is None else Path(displacement_path)
-    if not project.path.is_dir():
-        raise UsageError(f"{project.path} is not a folder: give a project folder")
     check_output(project, [project.report.name])
     config = read_config(project.config) if project.config.is_file() else Config()
     with locked(project):
@@ -172,7 +171,10 @@ def read_goniometer(project: Project) -> GoniometerRecord | None:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    record = from_plain(GoniometerRecord, data) if isinstance(data, dict) else None
+    if not isinstance(data, dict):
+        return None
+    check_version(data, VERSION, path, "run `semsfm goniometer` again")
+    record = from_plain(GoniometerRecord, data)
     return record if record is not None and record.model == model_digest(project) else None
 
 

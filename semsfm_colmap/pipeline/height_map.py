@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.atomic import file_aside, write_bytes, write_json
 from semsfm_colmap.metrology.heights.height_map_options import HeightMapOptions
-from semsfm_colmap.pipeline.project import Project, check_output, locked
+from semsfm_colmap.pipeline.project import Project, check_output, locked, open_project
 
 if TYPE_CHECKING:
     from semsfm_colmap.metrology.heights.characteristics import Characteristic
@@ -91,9 +91,7 @@ def height_map(
 
     options = options or HeightMapOptions()
     formats = [check_format(name) for name in to]
-    project = Project(Path(project_path))
-    if not project.path.is_dir():
-        raise UsageError(f"{project.path} is not a folder: give a project folder")
+    project = open_project(project_path)
     check_output(project, [project.metrology.name])
     with locked(project):
         specimen = specimen_with_mesh(project)

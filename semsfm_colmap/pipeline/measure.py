@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.io.atomic import write_json, write_text
 from semsfm_colmap.metrology.sizes.options import MetrologyOptions
-from semsfm_colmap.pipeline.project import Project, check_output, locked
+from semsfm_colmap.pipeline.project import Project, check_output, locked, open_project
 
 if TYPE_CHECKING:
     from semsfm_colmap.metrology.sizes.budget import Measurement
@@ -69,9 +69,7 @@ def measure(
         raise UsageError(
             f"{options.pixel_size_sigma=:g} but expected a share from 0 to 1, such as 0.03 for 3 %"
         )
-    project = Project(Path(project_path))
-    if not project.path.is_dir():
-        raise UsageError(f"{project.path} is not a folder: give a project folder")
+    project = open_project(project_path)
     check_output(project, [project.metrology.name])
     requests = read_requests(project, points, profile, scale_from)
     with locked(project):

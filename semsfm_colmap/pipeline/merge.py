@@ -24,7 +24,7 @@ from semsfm_colmap.ingest.series.file import (
 )
 from semsfm_colmap.io.atomic import write_bytes
 from semsfm_colmap.pipeline.outputs import fingerprints
-from semsfm_colmap.pipeline.project import Project, check_output, locked
+from semsfm_colmap.pipeline.project import Project, check_output, locked, open_project
 from semsfm_colmap.pipeline.record import RunRecord, StageEntry, hash_file, hash_text
 from semsfm_colmap.pipeline.registry import STAGES, find_stage
 from semsfm_colmap.pipeline.reporter import Reporter
@@ -77,8 +77,8 @@ def merge_projects(
     config, reporter = config or Config(), reporter or Reporter(verbosity=-1)
     if config.features.upright is None:
         config = replace(config, features=replace(config.features, upright=False))
-    sources = [Project(Path(path)) for path in project_paths]
-    project = Project(Path(output_path))
+    sources = [open_project(path, new=True) for path in project_paths]
+    project = open_project(output_path, new=True)
     check_sources(sources, project)
     check_output(project, [place for stage in STAGES for place in stage.places])
     with locked(project):

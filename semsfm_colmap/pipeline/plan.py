@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import file_aside
-from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.project import Project, open_project
 from semsfm_colmap.planning.options import (
     GivenNoise,
     NextOptions,
@@ -139,9 +139,7 @@ def _next_plan(
     from semsfm_colmap.planning.next_angles import mapped_series, next_angles
     from semsfm_colmap.planning.plans import NextPlan
 
-    project = Project(project_path)
-    if not project.path.is_dir():
-        raise UsageError(f"{project.path} is not a folder: give a project folder")
+    project = open_project(project_path)
     path = project.sparse / str(model)
     if not path.is_dir():
         raise InputError(f"{path} does not exist: run `semsfm map` first")

@@ -122,6 +122,30 @@ class Project:
         return self.masks if self.masks.is_dir() and any(self.masks.iterdir()) else None
 
 
+def open_project(path: Path | str, *, new: bool = False) -> Project:
+    """The project in a folder, of this version of the program or an older one.
+
+    Parameters
+    ----------
+    new : it may be that it is still to be made
+
+    Raises
+    ------
+    InputError
+        A newer version of the program has made it.
+    UsageError
+        The path is no folder.
+
+    """
+    from semsfm_colmap.pipeline.record import RunRecord
+
+    project = Project(Path(path))
+    if not new and not project.path.is_dir():
+        raise UsageError(f"{project.path} is not a folder: give a project folder")
+    RunRecord.read(project.record)
+    return project
+
+
 def check_output(project: Project, places: Iterable[str]) -> None:
     """Refuse a folder that holds what another program made.
 
@@ -173,9 +197,11 @@ def locked_folder(path: Path, lock_file: str) -> Iterator[None]:
     finally:
         if [entry.name for entry in path.iterdir()] == [lock_file]:
             # nothing came of it: the folder need not have been made
-            (path / lock_file).unlink()
+            with suppress(PermissionError):
+                (path / lock_file).unlink()
             lock.release()
             with suppress(OSError):
+                (path / lock_file).unlink(missing_ok=True)  # Windows keeps what is open
                 path.rmdir()
         else:
             lock.release()

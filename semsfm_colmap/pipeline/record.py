@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-import resource
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from semsfm_colmap.io.atomic import write_json
+from semsfm_colmap.io.versions import check_version
 from semsfm_colmap.records import StageRecord, from_plain, to_plain
 from semsfm_colmap.version import __version__
 
@@ -77,13 +77,21 @@ class RunRecord:
 
     @classmethod
     def read(cls, path: Path) -> RunRecord:
-        """The record of a project, empty when there is none or it cannot be read."""
+        """The record of a project, empty when there is none or it cannot be read.
+
+        Raises
+        ------
+        InputError
+            A newer version of the program has made the project.
+
+        """
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return cls(path=path)
         if not isinstance(data, dict) or data.get("format") != FORMAT:
             return cls(path=path)
+        check_version(data, VERSION, path, "remove it, and the stages are run again")
         entries = {
             name: from_plain(StageEntry, entry) for name, entry in data.get("stages", {}).items()
         }
@@ -158,6 +166,10 @@ def hash_file(path: Path) -> str:
 
 
 def peak_memory_mb() -> float:
-    """Largest resident memory of this process so far."""
+    """Largest resident memory of this process so far; 0 on Windows, which does not say."""
+    try:
+        import resource
+    except ImportError:
+        return 0.0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / (1 << 20 if sys.platform == "darwin" else 1 << 10)

@@ -36,7 +36,7 @@ from semsfm_colmap.pipeline.outputs import (
     fingerprints,
     keep_changed,
 )
-from semsfm_colmap.pipeline.project import Project, check_output, locked
+from semsfm_colmap.pipeline.project import Project, check_output, locked, open_project
 from semsfm_colmap.pipeline.project_options import read_project_options
 from semsfm_colmap.pipeline.record import (
     RunRecord,
@@ -90,7 +90,7 @@ def run_stages(
 
     """
     reporter = reporter or Reporter(verbosity=-1)
-    project = Project(Path(project_path))
+    project = open_project(project_path, new=True)
     if not (config.executor == "local" if executor is None else executor.shares_memory):
         # other processes may have been started in another folder
         project = Project(project.path.resolve())

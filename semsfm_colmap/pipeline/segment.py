@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import file_aside, folder_aside, write_json
-from semsfm_colmap.pipeline.project import Project, check_output, locked
+from semsfm_colmap.pipeline.project import Project, check_output, locked, open_project
 from semsfm_colmap.segmentation.names import (
     CLOUD_FILE,
     MASKS,
@@ -18,6 +18,8 @@ from semsfm_colmap.segmentation.names import (
     POINTS_FILE,
     SPECIMEN,
     TABLE_FILE,
+    TABLE_FORMAT,
+    TABLE_VERSION,
 )
 from semsfm_colmap.segmentation.options import SegmentationOptions
 
@@ -28,9 +30,6 @@ if TYPE_CHECKING:
     from semsfm_colmap.segmentation.labels import Labelling
     from semsfm_colmap.segmentation.world import World
     from semsfm_colmap.types import Array, PointCloud, Reconstruction
-
-FORMAT = "semsfm-segments"
-VERSION = 1
 
 
 def segment_project(
@@ -67,9 +66,7 @@ def segment_project(
     from semsfm_colmap.segmentation.cuts import Views, apply_cuts
     from semsfm_colmap.segmentation.propose import propose
 
-    project = Project(Path(project_path))
-    if not project.path.is_dir():
-        raise UsageError(f"{project.path} is not a folder: give a project folder")
+    project = open_project(project_path)
     check_output(project, [project.segments.name])
     with locked(project):
         cloud, model = read_surface(project)
@@ -185,8 +182,8 @@ def write_segments(
             draw_parts(cloud, labelling, list(picture_views(model)), spacing), aside / PICTURE_FILE
         )
         table: dict[str, Any] = {
-            "format": FORMAT,
-            "version": VERSION,
+            "format": TABLE_FORMAT,
+            "version": TABLE_VERSION,
             "message": labelling.message,
             "notes": notes,
             "world_unit": model.world_unit,

@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from semsfm_colmap.errors import InputError, SemSfmError, UsageError
+from semsfm_colmap.errors import InputError, SemSfmError
 from semsfm_colmap.metrology.sizes.options import MetrologyOptions
-from semsfm_colmap.pipeline.project import Project
+from semsfm_colmap.pipeline.project import open_project
 from semsfm_colmap.pipeline.view_content import ProjectView
 from semsfm_colmap.report.viewer.html import LIVE_POLICY, live_page
 
@@ -91,9 +91,7 @@ def make_server(project_path: Path | str, options: MetrologyOptions | None = Non
         There is no such folder.
 
     """
-    project = Project(Path(project_path))
-    if not project.path.is_dir():
-        raise UsageError(f"{project.path} is not a folder: give a project folder")
+    project = open_project(project_path)
     return ViewServer(ProjectView(project, options or MetrologyOptions()))
 
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.ply import PlyFile, read_ply_file, write_ply_file
-from semsfm_colmap.segmentation.names import CLOUD_FILE, TABLE_FILE
+from semsfm_colmap.io.versions import check_version
+from semsfm_colmap.segmentation.names import CLOUD_FILE, TABLE_FILE, TABLE_VERSION
 from semsfm_colmap.types import Float, Int, PointCloud
 
 LABEL = "label"
@@ -54,6 +55,7 @@ def read_table(folder: Path) -> dict[str, Any]:
         raise InputError(f"{path} is missing: run `semsfm segment {folder.parent}` first") from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise InputError(f"{path} cannot be read ({error}): run `semsfm segment` again") from error
+    check_version(content, TABLE_VERSION, path, "run `semsfm segment` again")
     return content
 
 

@@ -20,3 +20,5 @@ TABLE_FILE = "segments.json"
 PICTURE_FILE = "segments.png"
 MASKS = "masks"
 """Names below PROJECT/segments."""
+TABLE_FORMAT = "semsfm-segments"
+TABLE_VERSION = 1

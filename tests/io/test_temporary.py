@@ -6,7 +6,12 @@ import sys
 
 import pytest
 
-from semsfm_colmap.io.temporary import remove_dead_folders, remove_leftovers, temporary_folder
+from semsfm_colmap.io.temporary import (
+    LOCK,
+    remove_dead_folders,
+    remove_leftovers,
+    temporary_folder,
+)
 
 KILLED = (
     "import os, signal, sys; from pathlib import Path\n"
@@ -23,11 +28,11 @@ def names(path):
 
 def test_a_folder_of_a_killed_process_goes_and_one_in_use_stays(tmp_path):
     subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], check=False)
-    assert len(names(tmp_path)) == 2
+    assert sum(name.endswith("/features.db") for name in names(tmp_path)) == 1
     with temporary_folder(tmp_path) as mine:
         (mine / "x").write_bytes(b"")
         remove_dead_folders(tmp_path)
-        assert names(tmp_path) == [mine.name, f"{mine.name}/x"]
+        assert names(tmp_path) == [mine.name, f"{mine.name}/{LOCK}", f"{mine.name}/x"]
     assert names(tmp_path) == []
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.names import check_names
+from semsfm_colmap.io.versions import check_version
 from semsfm_colmap.types import DepthSign, Float, OrthographicCameras, Reconstruction
 
 FORMAT = "semsfm-orthographic"
@@ -88,11 +89,7 @@ def read_sidecar(path: Path) -> dict[str, Any]:
         raise InputError(f"{path} is not valid JSON: run `semsfm map` again") from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise InputError(f"{path} is not a {FORMAT} file: run `semsfm map` again")
-    if data.get("version") != VERSION:
-        raise InputError(
-            f"{path} has version {data.get('version')} but this program reads {VERSION}: "
-            "update semsfm_colmap or run `semsfm map` again"
-        )
+    check_version(data, VERSION, path, "run `semsfm map` again")
     try:
         _check(data)
     except (KeyError, TypeError, ValueError, AttributeError) as error:

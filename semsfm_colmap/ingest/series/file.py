@@ -13,6 +13,7 @@ from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.io.atomic import write_text
 from semsfm_colmap.io.names import check_names
+from semsfm_colmap.io.versions import check_version
 from semsfm_colmap.types import SemFrame, SemMetadata, SemSeries
 
 FORMAT = "semsfm-series"
@@ -112,10 +113,7 @@ def _load(path: Path) -> dict[str, Any]:
         raise InputError(f"{path} is not valid JSON ({error}); {_again(path)}") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InputError(f"{path} is not a series file; {_again(path)}")
-    if content.get("version") != VERSION:
-        raise InputError(
-            f"{path} has version {content.get('version')} but {VERSION} is known; {_again(path)}"
-        )
+    check_version(content, VERSION, path, _again(path))
     return content
 
 

@@ -29,7 +29,7 @@ from semsfm_colmap.pipeline.foreign.map_database import (
     verify_database,
 )
 from semsfm_colmap.pipeline.outputs import check_outputs, database_name, fingerprints
-from semsfm_colmap.pipeline.project import Project, locked
+from semsfm_colmap.pipeline.project import Project, locked, open_project
 from semsfm_colmap.pipeline.record import RunRecord, StageEntry, hash_file, hash_text
 from semsfm_colmap.pipeline.registry import find_stage, stages_after
 from semsfm_colmap.pipeline.reporter import Reporter
@@ -77,7 +77,7 @@ def reconstruct_from_database(
 
     """
     config, reporter = config or Config(), reporter or Reporter(verbosity=-1)
-    project = Project(Path(output_path))
+    project = open_project(output_path, new=True)
     image_path, database_path = Path(image_path), Path(database_path)
     if database_path.exists() and database_path.resolve() == project.database.resolve():
         raise UsageError(
@@ -253,7 +253,7 @@ def find_images(reader: DatabaseReader, series: SemSeries, image_path: Path) -> 
             names.setdefault(key, []).append(image)
     found: list[StoredImage] = []
     for frame in series.frames:
-        source = Path(os.path.relpath(frame.source_path, image_path)).as_posix()
+        source = _below(Path(frame.source_path), image_path)
         match = None
         for level, names in enumerate(keys):
             for name in (frame.name, source):
@@ -268,6 +268,14 @@ def find_images(reader: DatabaseReader, series: SemSeries, image_path: Path) -> 
             )
         found.append(match)
     return found
+
+
+def _below(path: Path, folder: Path) -> str:
+    """A path from a folder on; its name alone where no way leads there, as between two drives."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:
+        return path.name
 
 
 def _name_keys(name: str) -> Sequence[str]:

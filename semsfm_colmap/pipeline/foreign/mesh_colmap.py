@@ -11,6 +11,7 @@ from typing import Any
 
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import folder_aside, write_json
+from semsfm_colmap.io.versions import check_version
 from semsfm_colmap.pipeline.foreign.mesh_source import all_there, parallel_model, read_source
 from semsfm_colmap.pipeline.foreign.workspace import find_workspace
 from semsfm_colmap.pipeline.reporter import Reporter
@@ -21,6 +22,8 @@ FOLDER = "mesh_semsfm"
 """Default name of the result in the COLMAP folder."""
 RECORD = "mesh.json"
 """Marks a result of ours, which may be replaced."""
+FORMAT = "semsfm-mesh"
+VERSION = 1
 EITHER_HAND = (
     "the projection is parallel, and no reprojection error tells the surface from its "
     "depth-reversed twin: look whether hills came out as valleys"
@@ -102,7 +105,8 @@ def mesh_colmap(
                 mesh=mesh_record(solution.value, options.method, notes),
                 world_unit="um" if parallel is not None and parallel.world_unit == "um" else "",
             )
-            write_json({"format": "semsfm-mesh", **known_only(record)}, aside / RECORD)
+            head = {"format": FORMAT, "version": VERSION}
+            write_json({**head, **known_only(record)}, aside / RECORD)
     except OSError as error:
         raise UsageError(
             f"{target} cannot be written ({error.strerror}): give another --output_path"
@@ -128,6 +132,9 @@ def read_record(folder: Path) -> dict[str, Any]:
         raise InputError(
             f"{path} cannot be read ({error}): run `semsfm mesh --colmap_path` again"
         ) from error
+    # the first ones said no version
+    again = "run `semsfm mesh --colmap_path` again"
+    check_version({"version": 1, **content}, VERSION, path, again)
     return content
 
 
