@@ -13,6 +13,9 @@ the released versions with their dates, the newest first:
 
     ## 0.1.0 - 2026-11-29
 
+The newest of these is not newer than semsfm_colmap/version.py, the one place of the version; a
+commit that git has a tag for, such as v0.1.0, has that version in both.
+
 In a section the headings are Added, Changed, Fixed and Breaking, each at most once and with entries
 below it. Prints what is wrong, line by line, and ends with exit code 1 where anything is.
 """
@@ -20,6 +23,7 @@ below it. Prints what is wrong, line by line, and ends with exit code 1 where an
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 from collections.abc import Iterator
 from datetime import date
@@ -102,9 +106,33 @@ def wrong_headings(lines: list[tuple[int, str]]) -> Iterator[Problem]:
             open_heading = None
 
 
+def wrong_version(text: str, version: str, tags: list[str]) -> Iterator[Problem]:
+    """Version, tags of this commit and newest released section say the same."""
+    found = [(k, m[0].split()[0]) for k, line in enumerate(text.splitlines(), 1)
+             if line.startswith("## ") and (m := RELEASE.fullmatch(line[3:]))]  # fmt: skip
+    number, newest = found[0] if found else (1, "")
+    if found and numbers(newest) > numbers(version):
+        yield number, f"{newest} is newer than semsfm_colmap/version.py, which says {version}"
+    for tag in tags:
+        if not tag[1:] == version == newest:
+            newest = newest or "none"
+            yield number, f"tag {tag}, semsfm_colmap/version.py {version}, newest section {newest}"
+
+
+def numbers(version: str) -> tuple[int, ...]:
+    """(0, 1, 0) of 0.1.0."""
+    return tuple(map(int, version.split(".")))
+
+
 def main() -> int:
-    path = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "CHANGELOG.md")
-    found = problems(path.read_text(encoding="utf-8"))
+    root = Path(__file__).parents[1]
+    path = Path(sys.argv[1] if len(sys.argv) > 1 else root / "CHANGELOG.md")
+    text = path.read_text(encoding="utf-8")
+    stated = re.search(r'__version__ = "(.+)"', (root / "semsfm_colmap/version.py").read_text())
+    asked = ["git", "-C", str(root), "tag", "--points-at", "HEAD", "--list", "v[0-9]*"]
+    tags = subprocess.run(asked, capture_output=True, text=True).stdout.split()
+    assert stated is not None
+    found = sorted([*problems(text), *wrong_version(text, stated[1], tags)])
     for number, sentence in found:
         print(f"{path.name}:{number}: {sentence}")
     return 1 if found else 0

@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # Make a virtual environment with semsfm_colmap in it, and what open3d needs from the system.
-# usage: scripts/setup.sh [extra]     extra: dev, for the tests and checks
+# usage: scripts/setup.sh [extra]     extra: mesh, which is what the example needs (default), or
+#                                     dev, for the tests and checks
 # The environment is .venv in the repository, or the folder in SEMSFM_VENV; the versions are those
 # of constraints.txt, which scripts/lock.sh renews.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 venv="${SEMSFM_VENV:-.venv}"
-extra="${1:-}"
+extra="${1:-mesh}"
 
 # python3-venv is a package of its own on Debian; the rest are libraries that open3d loads
 system_packages=(python3-venv libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0 libgomp1)
@@ -42,7 +43,7 @@ stamp="$venv/.semsfm-$extra"
 if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ] || [ constraints.txt -nt "$stamp" ]; then
     echo "installing semsfm_colmap and its libraries into $venv" >&2
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-        --constraint constraints.txt --editable ".${extra:+[$extra]}"
+        --constraint constraints.txt --editable ".[$extra]"
     touch "$stamp"
 fi
 "$venv/bin/python" -c 'import open3d' 2>/dev/null || install_system_packages

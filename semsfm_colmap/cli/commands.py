@@ -117,6 +117,11 @@ COMMANDS: tuple[Command, ...] = (
         module="synthesize",
     ),
     Command(
+        name="example",
+        help="a small rendered series to mesh, COLMAP model and report: no images needed",
+        module="example",
+    ),
+    Command(
         name="doctor",
         help="whether this installation is complete, and what to type where it is not",
         module="doctor",

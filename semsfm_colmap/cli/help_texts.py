@@ -8,7 +8,7 @@ GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("measure", ("measure", "heightmap", "compare", "goniometer", "segment")),
     ("other programs", ("export", "adopt")),
     ("plan and check", ("plan", "evaluate", "synthesize", "compare-features")),
-    ("this installation", ("doctor", "completion")),
+    ("this installation", ("example", "doctor", "completion")),
 )
 """Purposes in the order of `semsfm --help`, and their commands; one that is named nowhere comes
 last."""
@@ -73,6 +73,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("synthesize series --example", "the small one of the README"),
         ("synthesize series --scene field --num_images 13 --range_deg 60", ""),
     ),
+    "example": (("example", "about two minutes"), ("example --output_path try", "elsewhere")),
     "doctor": (("doctor", ""), ("doctor --json", "for a script")),
     "completion": (
         ('eval "$(semsfm completion bash)"', "now; in ~/.bashrc: always"),

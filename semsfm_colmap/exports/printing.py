@@ -15,6 +15,7 @@ import numpy as np
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.scene import ExportScene, Summary
+from semsfm_colmap.io.open3d_library import import_open3d
 from semsfm_colmap.io.ply import read_ply_mesh
 from semsfm_colmap.surface.mesh.crossings import crossing_faces, crossing_sentence
 from semsfm_colmap.types import TriangleMesh
@@ -45,6 +46,7 @@ def print_mesh(
     """``mesh.<file type>`` of a mesh.ply in a world of some unit, empty where it is not known."""
     if not (np.isfinite(options.scale_factor) and options.scale_factor > 0):
         raise UsageError(f"scale_factor = {options.scale_factor:g}: it must be positive")
+    import_open3d()  # which finds faces that cross
     surface = _read(mesh_path)
     mesh = printable(surface, options.scale_factor)
     data = mesh.export(file_type=file_type)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 from semsfm_colmap.errors import MissingDependencyError
+from semsfm_colmap.io.extras import import_extra
 from semsfm_colmap.io.interrupt import signals_held
 
 DEBIAN_PACKAGES = "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0 libgomp1"
@@ -23,12 +23,7 @@ def import_open3d() -> Any:
     """
     try:
         with signals_held():  # it takes Ctrl-C for a failure of its own
-            return importlib.import_module("open3d")
-    except ModuleNotFoundError as error:
-        if error.name != "open3d":
-            raise
-        message = "This needs open3d, which is not installed: run `pip install open3d-cpu`."
-        raise MissingDependencyError(message) from error
+            return import_extra("open3d", "mesh")
     except (ImportError, OSError) as error:
         reason = str(error).splitlines()[0].rstrip(".") if str(error) else type(error).__name__
         raise MissingDependencyError(

@@ -22,7 +22,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from semsfm_colmap.errors import ClusterError, MissingDependencyError, UsageError
+from semsfm_colmap.errors import ClusterError, UsageError
+from semsfm_colmap.io.extras import import_extra
 from semsfm_colmap.pipeline.executor import LOOK_AHEAD
 from semsfm_colmap.version import __version__
 
@@ -113,14 +114,9 @@ class DaskExecutor:
     @cached_property
     def _client(self) -> Client:
         """The connection, made when it is first asked for."""
-        try:
-            import dask
-            import distributed
-        except ImportError as error:
-            raise MissingDependencyError(
-                f"--executor dask needs dask.distributed ({error}): pip install "
-                "'semsfm-colmap[cluster]'"
-            ) from error
+        distributed = import_extra("distributed", "cluster")
+        import dask
+
         # dask tells its own story on standard error; the one sentence is in the exceptions
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         self._stack.enter_context(dask.config.set(SETTINGS))

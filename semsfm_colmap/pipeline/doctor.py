@@ -16,14 +16,19 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, files, requires, version
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.extras import EXTRAS, PURPOSES, Extra
 from semsfm_colmap.version import __version__
 
-State = Literal["good", "weak", "bad"]
-"""weak: it works, slowly or for small series."""
+if TYPE_CHECKING:
+    from packaging.markers import Marker
+
+State = Literal["good", "weak", "bad", "absent"]
+"""weak: it works, slowly or for small series; absent: an extra that was not asked for."""
 MIN_MEMORY_GB = 4.0
 """48 images of 1024 x 768 px take 2.5 GB; below this, larger series swap."""
 MIN_DISK_GB = 2.0
@@ -39,27 +44,22 @@ MODULE_OF = {
     "tomli-w": "tomli_w",
 }
 """Modules whose distributions are called otherwise."""
+PARTS = {"numba": ("numba.np.ufunc.omppool",)} if sys.platform == "linux" else {}
+"""Modules that a library loads only later: without OpenMP's threads numba takes some of its own,
+which end the process when two of ours ask for them at a time."""
 PACKAGE_OF = {
     "libGL.so.1": "libgl1",
     "libEGL.so.1": "libegl1",
     "libgomp.so.1": "libgomp1",
+    "libgomp.so.1.0.0": "libgomp1",
     "libusb-1.0.so.0": "libusb-1.0-0",
     "libX11.so.6": "libx11-6",
     "libudev.so.1": "libudev1",
     "libidn2.so.0": "libidn2-0",
-    "libGLU.so.1": "libglu1-mesa",
-    "libGLdispatch.so.0": "libglvnd0",
-    "libSM.so.6": "libsm6",
-    "libICE.so.6": "libice6",
-    "libXext.so.6": "libxext6",
-    "libXrender.so.1": "libxrender1",
-    "libgthread-2.0.so.0": "libglib2.0-0",
-    "libglib-2.0.so.0": "libglib2.0-0",
     "libstdc++.so.6": "libstdc++6",
-    "libtbb.so.12": "libtbb12",
-    "libxcb.so.1": "libxcb1",
 }
-"""Shared objects that the wheels link against, and Debian's packages that have them."""
+"""Shared objects that the wheels link against, and the packages that have them: of Debian 12 and 13
+and of Ubuntu 24.04, which call these alike."""
 SHARED_OBJECT = re.compile(r"(lib[\w.+-]+?\.so[.\d]*)")
 
 
@@ -99,39 +99,50 @@ def examine(path: Path) -> Examination:
 
     """
     names = libraries()
+    absent = [extra for extra, main in EXTRAS.items() if find_spec(main) is None]
+    for extra in EXTRAS.keys() - absent:
+        names += libraries(extra)
     with ThreadPoolExecutor(max(os.cpu_count() or 1, 2)) as pool:
         loaded = list(pool.map(look_at_library, names))
+    loaded += [_absent(extra) for extra in absent]
     return Examination(
         findings=(_python(), *loaded, _memory(), _threads(), _disk(path), _gpu(), _colmap())
     )
 
 
-def libraries() -> tuple[str, ...]:
-    """Distributions that this program needs here, as its own metadata say."""
+def _absent(extra: Extra) -> Finding:
+    cure = f'for {PURPOSES[extra]}: {_pip()} install "{DISTRIBUTION}[{extra}]"'
+    return Finding(name=f"[{extra}]", state="absent", found="not asked for", cure=cure)
+
+
+def libraries(extra: str = "") -> tuple[str, ...]:
+    """Distributions that this program needs here, as its own metadata say.
+
+    Parameters
+    ----------
+    extra : those that it adds; default: what every installation has
+
+    """
+    from packaging.requirements import Requirement
+
     try:
-        needed = requires(DISTRIBUTION) or []
+        needed = [Requirement(text) for text in requires(DISTRIBUTION) or []]
     except PackageNotFoundError:
         needed = []
-    names = []
-    for text in needed:
-        name, _, marker = text.partition(";")
-        if "extra ==" in marker or not _holds(marker):
-            continue
-        names.append(re.split(r"[<>=!~\[ (]", name.strip())[0])
-    return tuple(names)
+    always = {r.name for r in needed if _holds(r.marker, "")}
+    named = {r.name for r in needed if _holds(r.marker, extra)}
+    asked = named - always if extra else always
+    # an extra of an extra is there several times
+    return tuple(dict.fromkeys(r.name for r in needed if r.name in asked))
 
 
-def _holds(marker: str) -> bool:
-    """Whether a marker of a requirement is that of this machine; those in use name two things."""
-    if not marker.strip():
-        return True
-    linux = sys.platform == "linux" and platform.machine() == "x86_64"
-    return linux == ("==" in marker)
+def _holds(marker: Marker | None, extra: str) -> bool:
+    return marker is None or marker.evaluate({"extra": extra})
 
 
 def look_at_library(name: str, run: Callable[..., Any] = subprocess.run) -> Finding:
     """Import one library in a process of its own."""
-    module = MODULE_OF.get(name, name.replace("-", "_"))
+    modules = (MODULE_OF.get(name, name.replace("-", "_")), *PARTS.get(name, ()))
     try:
         number = version(name)
     except PackageNotFoundError:
@@ -140,7 +151,7 @@ def look_at_library(name: str, run: Callable[..., Any] = subprocess.run) -> Find
         )
     try:
         done = run(
-            [sys.executable, "-c", f"import {module}"],
+            [sys.executable, "-c", f"import {', '.join(modules)}"],
             capture_output=True,
             text=True,
             timeout=IMPORT_SECONDS,
@@ -272,7 +283,7 @@ def system_packages(findings: Iterable[Finding]) -> list[str]:
 
 def lines_of(findings: Sequence[Finding]) -> list[str]:
     """A line for each finding, and what to do about it below."""
-    mark = {"good": "ok", "weak": "weak", "bad": "MISSING"}
+    mark = {"good": "ok", "weak": "weak", "bad": "MISSING", "absent": "absent"}
     width = max(len(finding.name) for finding in findings)
     lines = []
     for f in findings:

@@ -97,8 +97,10 @@ def open_executor(
             raise UsageError("--scheduler_address is of --executor dask: give both")
         yield ThreadExecutor(config.num_threads)
         return
+    from semsfm_colmap.io.extras import import_extra
     from semsfm_colmap.pipeline.dask_executor import DaskExecutor
 
+    import_extra("distributed", "cluster")  # it takes a second, and said later is said too late
     with DaskExecutor(
         scheduler_address=config.scheduler_address,
         num_processes=ThreadExecutor(config.num_threads).num_workers,

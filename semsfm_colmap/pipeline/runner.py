@@ -197,7 +197,11 @@ class Runner:
                 try:
                     import_open3d()
                 except MissingDependencyError as error:
-                    self.reporter.warn(f"{stage.name} will come to nothing: {error}")
+                    if wanted(stage, names):
+                        raise
+                    self.reporter.warn(
+                        f"{stage.name} will come to nothing, all else is made: {error}"
+                    )
 
     def check_standing(self, stage: Stage, names: set[str], check: OutputCheck) -> None:
         """Refuse to run later stages on results that are not there, and say where they are others.

@@ -37,6 +37,8 @@ def synthesize(
 
     Raises
     ------
+    MissingDependencyError
+        open3d, which casts the rays, is not there.
     UsageError
         The options contradict one another, or the folder holds other images.
 
@@ -50,6 +52,7 @@ def synthesize(
     ['field_000.png', 'field_001.png', 'field_002.png']
 
     """
+    from semsfm_colmap.io.open3d_library import import_open3d
     from semsfm_colmap.synthetic.databar import BarText, draw_databar
     from semsfm_colmap.synthetic.detector import expose, exposure_of
     from semsfm_colmap.synthetic.files import prepare_folder, write_image, write_truth
@@ -68,6 +71,7 @@ def synthesize(
             f"{options.supersampling=}, {options.mesh_edge_px=} but expected at least one ray per"
             " pixel and a positive edge length."
         )
+    import_open3d()
     output_path = Path(output_path)
     image_path = prepare_folder(output_path)
     motion_rng, specimen_rng, surface_rng, noise_rng = random_streams(options)

@@ -30,6 +30,8 @@ OTHER_PROGRAMS = {
     "DensifyPointCloud",
     "InterfaceCOLMAP",
     "ReconstructMesh",
+    "pip",
+    "python3",
     "TextureMesh",
     "newstack",
     "ns-train",

@@ -21,6 +21,7 @@ from tests.docs.blocks import OTHERS, PAGES, ROOT, Block, blocks_of, commands_of
 RUN = ("README.md", "docs/index.md", "docs/tutorial/", "docs/how-to/")
 """Pages whose commands are run."""
 NOT_RUN = {
+    "semsfm example": "24 images take two minutes; tests/cli has it on a small series",
     "semsfm synthesize SERIES --example": "24 images take a minute; tests/cli runs it",
     "semsfm reconstruct SERIES/images": "the same",
     "semsfm evaluate EXAMPLE": "the same",

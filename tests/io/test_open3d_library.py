@@ -39,7 +39,7 @@ def test_a_missing_system_library_names_the_packages(
 def test_open3d_not_installed_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     error = ModuleNotFoundError("No module named 'open3d'", name="open3d")
     monkeypatch.setattr(importlib, "import_module", failing(error))
-    with pytest.raises(MissingDependencyError, match="pip install open3d"):
+    with pytest.raises(MissingDependencyError, match=r'pip install "semsfm-colmap\[mesh\]"'):
         import_open3d()
 
 

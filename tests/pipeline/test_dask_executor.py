@@ -152,7 +152,7 @@ def test_a_missing_extra_is_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
         DaskExecutor(scheduler_address=None, num_processes=1) as executor,
-        pytest.raises(MissingDependencyError, match=r"pip install 'semsfm-colmap\[cluster\]'"),
+        pytest.raises(MissingDependencyError, match=r'pip install "semsfm-colmap\[cluster\]"'),
     ):
         list(executor.map(slow_first, [1]))
 

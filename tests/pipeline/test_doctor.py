@@ -3,12 +3,14 @@
 import json
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from semsfm_colmap.cli.main import main
+from semsfm_colmap.io.extras import EXTRAS
 from semsfm_colmap.pipeline import doctor
 from semsfm_colmap.pipeline.doctor import (
     Finding,
@@ -27,14 +29,38 @@ def fake(stderr, returncode=1):
     )
 
 
-def test_the_libraries_are_those_of_this_machine():
-    names = libraries()
-    assert {"numpy", "pycolmap", "tyro"} <= set(names)
-    assert len({"open3d", "open3d-cpu"} & set(names)) == 1
-    assert "pytest" not in names
-    text = Path(doctor.__file__).parents[2] / "pyproject.toml"
-    block = text.read_text().split("dependencies = [", 1)[1].split("]", 1)[0]
-    assert len(block.strip().splitlines()) == len(names) + 1  # open3d has two names
+def test_the_libraries_are_those_of_this_machine_and_of_the_extras():
+    core, mesh = libraries(), libraries("mesh")
+    assert {"numpy", "pycolmap", "tyro"} <= set(core)
+    assert len({"open3d", "open3d-cpu"} & set(mesh)) == 1
+    assert "pytest" not in (*core, *mesh)
+    assert not set(core) & set(mesh)
+    table = tomllib.loads((Path(doctor.__file__).parents[2] / "pyproject.toml").read_text())
+    assert len(core) == len(table["project"]["dependencies"])
+    extras = table["project"]["optional-dependencies"]
+    assert len(mesh) == len(extras["mesh"]) - 1  # open3d has two names
+    assert set(EXTRAS) < set(extras)
+
+
+def test_an_extra_that_was_not_asked_for_is_said_and_is_no_fault(monkeypatch, tmp_path):
+    quick(monkeypatch, Finding(name="a", state="good", found="1.0"))
+    monkeypatch.setattr(doctor, "EXTRAS", {"mesh": "no_such_module"})
+    found = doctor.examine(tmp_path)
+    (absent,) = (f for f in found.findings if f.state == "absent")
+    assert 'pip install "semsfm-colmap[mesh]"' in absent.cure
+    assert found.is_content
+
+
+def test_the_libraries_of_an_extra_that_is_there_are_looked_at(monkeypatch, tmp_path):
+    names = {"": ("a",), "mesh": ("b",)}
+    monkeypatch.setattr(doctor, "EXTRAS", {"mesh": "json"})
+    monkeypatch.setattr(doctor, "libraries", lambda extra="": names[extra])
+    monkeypatch.setattr(
+        doctor, "look_at_library", lambda name: Finding(name=name, state="bad", found="broken")
+    )
+    found = doctor.examine(tmp_path)
+    assert [f.name for f in found.findings if f.state == "bad"] == ["a", "b"]
+    assert not found.is_content
 
 
 @pytest.mark.parametrize(
@@ -52,6 +78,20 @@ def test_a_missing_shared_object_names_the_package_that_has_it(reason, package):
     assert finding.state == "bad"
     assert "does not load" in finding.found
     assert system_packages([finding, finding]) == [package]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="its name is that of Linux")
+def test_numba_without_openmp_is_a_fault_though_it_can_be_imported():
+    def run(command, **options):
+        said = "ImportError: libgomp.so.1.0.0: cannot open shared object file: No such file"
+        lacking = command[0] != "ldd" and "omppool" in command[-1]
+        return SimpleNamespace(
+            returncode=int(lacking), stderr=said, stdout="\tlibtbb.so.12 => not found"
+        )
+
+    finding = look_at_library("numba", run)
+    assert finding.state == "bad"
+    assert system_packages([finding]) == ["libgomp1"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="ldd is of Linux")
@@ -100,7 +140,7 @@ def test_a_library_that_is_there_is_really_imported():
 
 
 def quick(monkeypatch, *findings):
-    monkeypatch.setattr(doctor, "libraries", lambda: ("a",))
+    monkeypatch.setattr(doctor, "libraries", lambda extra="": () if extra else ("a",))
     monkeypatch.setattr(doctor, "look_at_library", lambda name: findings[0])
 
 

@@ -75,3 +75,25 @@ def test_an_empty_file_is_no_changelog():
         "the first line is '# Changelog'",
         "the first section is '## Unreleased'",
     ]
+
+
+@pytest.mark.parametrize(
+    ("version", "tags", "words"),
+    [
+        ("0.10.0", [], []),
+        ("0.11.0", [], []),
+        ("0.10.0", ["v0.10.0"], []),
+        ("0.9.1", [], ["0.10.0 is newer than"]),
+        ("0.11.0", ["v0.11.0"], ["newest section 0.10.0"]),
+        ("0.10.0", ["v0.9.9"], ["tag v0.9.9, semsfm_colmap/version.py 0.10.0"]),
+    ],
+)
+def test_version_tag_and_newest_section_are_one(version, tags, words):
+    found = [sentence for _, sentence in script.wrong_version(GOOD, version, tags)]
+    assert len(found) == len(words)
+    assert all(word in sentence for word, sentence in zip(words, found, strict=True))
+
+
+def test_a_tag_without_a_section_is_told():
+    (problem,) = script.wrong_version("# Changelog\n\n## Unreleased\n", "0.1.0", ["v0.1.0"])
+    assert problem[1].endswith("newest section none")

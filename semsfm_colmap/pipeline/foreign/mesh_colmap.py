@@ -61,14 +61,18 @@ def mesh_colmap(
     ------
     InputError
         There is no model in the folder, or no surface comes of it.
+    MissingDependencyError
+        open3d, which meshes, is not there.
     UsageError
         A path is no folder, or `output_path` holds something else.
 
     """
+    from semsfm_colmap.io.open3d_library import import_open3d
     from semsfm_colmap.io.ply import write_ply
     from semsfm_colmap.pipeline.texture import write_texture
     from semsfm_colmap.surface.build import mesh, mesh_record
 
+    import_open3d()
     options, reporter = options or SurfaceOptions(), reporter or Reporter(verbosity=-1)
     colmap_path = Path(colmap_path)
     target = colmap_path / FOLDER if output_path is None else Path(output_path)

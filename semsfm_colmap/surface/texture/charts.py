@@ -15,6 +15,7 @@ import numpy as np
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.geometry.mesh_normals import face_normals
+from semsfm_colmap.io.extras import import_extra
 from semsfm_colmap.surface.mesh.halfedges import opposite_halfedge
 from semsfm_colmap.surface.texture.chart_kernels import overlapping, smooth_labels
 from semsfm_colmap.types import Float, Int
@@ -154,8 +155,7 @@ def _connected(label: Int, neighbor: Int) -> Int:
 
 def _pack(flat: Float, faces: Int, chart: Int) -> tuple[Float, tuple[int, int]]:
     """Charts in texels, put side by side: coordinates in 0..1, width and height."""
-    import xatlas
-
+    xatlas = import_extra("xatlas", "mesh")
     key = chart[:, None] * (faces.max() + 1) + faces
     _, first, corner = np.unique(key, return_index=True, return_inverse=True)
     place = flat.reshape(-1, 2)[first]

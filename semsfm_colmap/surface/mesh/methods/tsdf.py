@@ -22,6 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.extras import import_extra
 from semsfm_colmap.surface.depth_view import DepthView
 from semsfm_colmap.surface.mesh.methods.task import MeshTask, RawSurface
 from semsfm_colmap.surface.options import SurfaceOptions
@@ -43,7 +44,8 @@ _CHUNK = 200_000
 def make_surface(task: MeshTask, options: SurfaceOptions) -> RawSurface:
     """The zero of the signed distance, facing the viewers."""
     from scipy.spatial import cKDTree
-    from skimage.measure import marching_cubes
+
+    measure = import_extra("skimage.measure", "mesh")
 
     points = task.cloud.points
     voxel = options.tsdf_voxel_factor * task.spacing
@@ -79,7 +81,9 @@ def make_surface(task: MeshTask, options: SurfaceOptions) -> RawSurface:
     if not (scaled < 0).any() or not (scaled > 0).any():
         raise InputError("The signed distance has no zero: the normals of the cloud contradict.")
     try:
-        vertices, faces, _, _ = marching_cubes(grid, 0.0, mask=mask, gradient_direction="descent")
+        vertices, faces, _, _ = measure.marching_cubes(
+            grid, 0.0, mask=mask, gradient_direction="descent"
+        )
     except RuntimeError as error:
         raise InputError(
             "The signed distance has no zero where it is known: the cloud is too sparse."
