@@ -163,7 +163,7 @@ def check_images(
 def size_on_disk(path: Path, database_path: Path) -> tuple[int, int]:
     """Width and height as an image file's header says."""
     from semsfm_colmap.ingest.files.header import UnreadableImageError
-    from semsfm_colmap.ingest.files.raster import read_header
+    from semsfm_colmap.ingest.files.read import read_header
     from semsfm_colmap.ingest.options import IngestOptions
 
     if not path.is_file():
