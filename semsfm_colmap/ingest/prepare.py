@@ -16,7 +16,8 @@ from semsfm_colmap.ingest.files.bit_depth import to_grey8
 from semsfm_colmap.ingest.files.encode import LOSSLESS_SUFFIXES, encode_grey8
 from semsfm_colmap.ingest.files.header import UnreadableImageError
 from semsfm_colmap.ingest.files.listing import find_images
-from semsfm_colmap.ingest.files.raster import RawImage, read_pixels
+from semsfm_colmap.ingest.files.raster import RawImage
+from semsfm_colmap.ingest.files.read import read_pixels
 from semsfm_colmap.ingest.files.stale import remove_stale
 from semsfm_colmap.ingest.frame.enhance import changes_pixels, prepare_pixels
 from semsfm_colmap.ingest.frame.source import SourceImage, check_content

@@ -1,4 +1,4 @@
-"""Prepared images and masks of a project, read back."""
+"""Grey images: prepared ones and masks of a project read back, and those of others."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.apart import ONE_FILE, DiedError, call_apart
 from semsfm_colmap.types import Array, Bool
 
 
@@ -22,6 +23,17 @@ def read_grey(path: Path) -> Array:
     if pixels is None:
         raise InputError(f"{path} cannot be read: run `semsfm extract` again")
     return np.asarray(pixels)
+
+
+def read_grey_of_others(path: Path) -> Array:
+    """The same of a file that another program wrote, in a process that may die of it."""
+    try:
+        return call_apart(ONE_FILE, read_grey, path.absolute())
+    except DiedError as died:
+        raise InputError(
+            f"{path} ended the process that decoded it ({died}): write the image again with the "
+            "program that made it"
+        ) from died
 
 
 def read_mask(mask_path: Path | None, name: str) -> Bool | None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from semsfm_colmap.colmap.model.contents import all_finite
 from semsfm_colmap.colmap.model.rows import open_model, registered
 from semsfm_colmap.types import Array, Float, Int
 
@@ -82,7 +83,7 @@ def read_any_model(path: Path, image_path: Path | None = None) -> AnyModel:
     table: list[tuple[int, int, int]] = []
     for point_id in sorted(model.points3D):
         point = model.points3D[point_id]
-        if not np.isfinite(point.xyz).all():
+        if not all_finite(point.xyz):
             continue
         # a track may hold one image twice; the first observation counts
         seen: dict[int, int] = {}

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.io.grey import read_grey
+from semsfm_colmap.io.grey import read_grey_of_others
 from semsfm_colmap.types import Array, Reconstruction
 
 
@@ -24,7 +24,7 @@ def point_colors(reconstruction: Reconstruction, image_path: Path) -> Array:
     for i, name in enumerate(reconstruction.image_names):
         rows = order[bounds[i] : bounds[i + 1]]
         try:
-            grey = read_grey(image_path / name)
+            grey = read_grey_of_others(image_path / name)
         except InputError:
             continue
         # COLMAP's origin: the centre of the first pixel is (0.5, 0.5)

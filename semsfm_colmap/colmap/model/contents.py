@@ -23,6 +23,8 @@ PARAMETERS = (3, 4, 4, 5, 8, 8, 12, 5, 4, 5, 12, 16, 4, 5, 3, 4, 6, 2)
 """Number of parameters of COLMAP's camera models, by their number."""
 MAX_SIDE_PX = 1_000_000
 """No image is larger."""
+MAX_NUMBER = 1e30
+"""No place or focal length is larger in any unit, and products of four are numbers still."""
 CAMERA_SENSOR = 0
 """COLMAP's number of the kind of sensor that a camera is."""
 NO_POINT = 2**64 - 1
@@ -108,17 +110,22 @@ def gather(
     return contents
 
 
+def all_finite(values: Array) -> bool:
+    """Whether all are numbers that can be reckoned with: neither nan nor beyond `MAX_NUMBER`."""
+    return bool((np.abs(values) < MAX_NUMBER).all())
+
+
 def check_camera(camera_id: int, size: tuple[int, int], parameters: Iterable[float]) -> None:
     """Refuse a camera that none can be."""
     if not all(0 < side <= MAX_SIDE_PX for side in size):
         raise DamageError(f"camera {camera_id} is {size[0]} x {size[1]} px")
-    if not np.isfinite(list(parameters)).all():
+    if not all_finite(np.array(list(parameters))):
         raise DamageError(f"camera {camera_id} has a parameter that is not a finite number")
 
 
 def check_pose(pose: Float, what: str) -> None:
     """Refuse a pose that is no rotation and translation."""
-    if not np.isfinite(pose).all() or not 1e-6 < np.abs(pose[:4]).max() < 1e6:
+    if not all_finite(pose) or not 1e-6 < np.abs(pose[:4]).max() < 1e6:
         raise DamageError(f"{what} has a pose that is none")
 
 
@@ -155,7 +162,7 @@ def check_contents(contents: Contents, path: Path, end: str) -> None:
         where = "images"
         points = {point.point_id for point in contents.points}
         for image in contents.images:
-            if not np.isfinite(image.xy[image.point_id != NO_POINT]).all():
+            if not all_finite(image.xy[image.point_id != NO_POINT]):
                 raise DamageError(f"{image.name!r} sees a point at a place that is not finite")
             named = set(image.point_id[image.point_id != NO_POINT].tolist())
             if not named <= points:

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from semsfm_colmap.colmap.model.contents import MAX_NUMBER
 from semsfm_colmap.colmap.model.rows import ModelRow, open_model, registered, rows_of
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.types import (
@@ -100,10 +101,11 @@ def read_pinhole_model(
     rows = rows_of(model)
     names = tuple(image.name for image in images)
     points, colors, observations = _points(model, images, rows)
-    if not np.isfinite(points).all():
+    far = int((~(np.abs(points) < MAX_NUMBER)).any(axis=1).sum())
+    if far:
         raise InputError(
-            f"{path} has {int((~np.isfinite(points)).any(axis=1).sum())} points at places that are "
-            "not finite: filter them out with the program that made it"
+            f"{path} has {far} points at places that are not finite: filter them out with the "
+            "program that made it"
         )
     cameras, focal = _cameras(
         path, model, images, rows, points.mean(axis=0) if reference is None else reference
@@ -192,9 +194,9 @@ def _cameras(
         pose = rows[image.name].cam_from_world
         x = pose[:, :3] @ reference + pose[:, 3]
         fx, fy = float(camera.focal_length_x), float(camera.focal_length_y)
-        if not (fx > 0 and fy > 0):
+        if not min(fx, fy) > 1.0 / MAX_NUMBER:
             raise InputError(f"{path}: the camera of {image.name} has no positive focal length")
-        if not x[2] > 0:
+        if not x[2] > 1.0 / MAX_NUMBER:
             raise InputError(f"{path}: the points lie behind the camera of {image.name}")
         scale = fx / x[2]
         xy = np.array([camera.principal_point_x, camera.principal_point_y]) + (

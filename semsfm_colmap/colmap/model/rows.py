@@ -45,10 +45,13 @@ def open_model(path: Path) -> Any:
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"{path} holds the image {twice!r} twice: remove one of them")
     try:
-        return pycolmap.Reconstruction(str(path))
+        model = pycolmap.Reconstruction(str(path))
     except (ValueError, RuntimeError, IndexError) as error:
         text = " ".join(str(error).split())[:160]
         raise InputError(f"{path} cannot be read as a COLMAP model ({text})") from error
+    for image in contents.images:
+        model.images[image.image_id].name = image.name  # its reader of text cuts them at a space
+    return model
 
 
 def model_files(path: Path) -> str:

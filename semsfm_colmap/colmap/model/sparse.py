@@ -13,6 +13,7 @@ import numpy as np
 from semsfm_colmap.colmap.database.work import DatabaseImage
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.build import build_model
+from semsfm_colmap.colmap.model.contents import all_finite
 from semsfm_colmap.colmap.model.points_ply import FILE_NAME as POINTS_FILE_NAME
 from semsfm_colmap.colmap.model.points_ply import covariance_of, read_points_ply, write_points_ply
 from semsfm_colmap.colmap.model.rows import open_model
@@ -205,7 +206,7 @@ def read_model(path: Path | str) -> Reconstruction:
     points, colors = [], []
     for j, point_id in enumerate(sorted(model.points3D)):
         point = model.points3D[point_id]
-        if not np.isfinite(point.xyz).all():
+        if not all_finite(point.xyz):
             raise InputError(
                 f"{path} has a point at a place that is not finite: run `semsfm map` again"
             )

@@ -11,6 +11,7 @@ reads files reads sections.
 
 from __future__ import annotations
 
+import io
 import os
 import warnings
 from dataclasses import dataclass
@@ -27,6 +28,8 @@ STACK_SUFFIXES = (".mrc", ".mrcs", ".st", ".ali", ".preali")
 ANGLES_SUFFIX = ".rawtlt"
 NOTES_SUFFIX = ".mdoc"
 HEADER_BYTES = 1024
+EXTENDED_BYTES = slice(92, 96)
+"""Where the header says how long the extended one is."""
 IMOD_STAMP = 1146047817
 """In bytes 153 to 156 of what IMOD writes; bit 1 of the next four then says that bytes are
 signed."""
@@ -101,10 +104,9 @@ def read_stack_header(stack: Path) -> StackHeader:
             raise UnreadableImageError(
                 f"{size} bytes are too few for an MRC file; copy it again from the microscope."
             )
-        with _opened(stack, header_only=True) as file:
-            header = file.header
-            found = _stack_header(header)
-            needed = HEADER_BYTES + max(int(header.nsymbt), 0) + found.num_bytes
+        header, extended_bytes = _header_alone(stack)
+        found = _stack_header(header)
+        needed = HEADER_BYTES + max(extended_bytes, 0) + found.num_bytes
     except OSError as error:
         raise UnreadableImageError(
             f"cannot be opened ({error.strerror}); check its permissions."
@@ -135,7 +137,7 @@ def section_header(path: Path) -> ImageHeader:
 def decode_section(path: Path, header: ImageHeader) -> Array:
     """The pixels (H, W) of a section, highest row first."""
     stack = read_stack_header(path.parent)
-    with _opened(path.parent, header_only=False) as file:
+    with _opened(path.parent) as file:
         sections = file.data if file.data.ndim == 3 else file.data[None]
         pixels = np.array(sections[header.page][::-1])
         signed = stack.signed_bytes
@@ -161,13 +163,27 @@ def _smoother_sign(pixels: Array, *, otherwise: bool) -> bool:
     return steps[0] < steps[1]
 
 
-def _opened(stack: Path, *, header_only: bool) -> Any:
+def _header_alone(stack: Path) -> tuple[Any, int]:
+    """The header, and how long it says the extended one to be.
+
+    mrcfile takes memory for that before it looks how long the file is, so it is told of none.
+    """
+    from mrcfile.mrcinterpreter import MrcInterpreter
+
+    with stack.open("rb") as file:
+        raw = file.read(HEADER_BYTES)
+    told = io.BytesIO(raw[: EXTENDED_BYTES.start] + bytes(4) + raw[EXTENDED_BYTES.stop :])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        header = MrcInterpreter(told, permissive=True, header_only=True).header
+    return header, int(np.frombuffer(raw[EXTENDED_BYTES], header.nsymbt.dtype)[0])
+
+
+def _opened(stack: Path) -> Any:
     import mrcfile
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # older files lack marks that the standard asks for
-        if header_only:
-            return mrcfile.open(stack, permissive=True, header_only=True)
         return mrcfile.mmap(stack, permissive=True)
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.ingest.files.header import ImageHeader, UnreadableImageError
-from semsfm_colmap.ingest.files.raster import RawImage, read_header, read_pixels, suffix_matches
+from semsfm_colmap.ingest.files.raster import RawImage, suffix_matches
+from semsfm_colmap.ingest.files.read import read_header, read_pixels
 from semsfm_colmap.ingest.frame.databar import (
     coloured_databar,
     find_databar,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.files.header import ImageHeader
-from semsfm_colmap.ingest.files.raster import read_header
+from semsfm_colmap.ingest.files.read import read_header
 from semsfm_colmap.ingest.frame.source import SourceImage
 from semsfm_colmap.ingest.metadata import MetadataReading, read_metadata
 from semsfm_colmap.ingest.options import IngestOptions

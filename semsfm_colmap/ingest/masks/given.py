@@ -8,7 +8,7 @@ import numpy as np
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.ingest.files.header import UnreadableImageError
-from semsfm_colmap.ingest.files.raster import read_header, read_pixels
+from semsfm_colmap.ingest.files.read import read_header, read_pixels
 from semsfm_colmap.ingest.frame.source import SourceImage
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.io.layout import MASKS_FOLDER

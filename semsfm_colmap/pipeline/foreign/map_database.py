@@ -47,6 +47,8 @@ def map_database(
 ) -> MapRecord:
     """Cameras and points from any COLMAP database into ``output_path/0, 1, ...``.
 
+    Beside each model is a database of its own, with its cameras, from which COLMAP goes on.
+
     Parameters
     ----------
     database_path : COLMAP database of the 3.8 or 4.x schema; not changed
@@ -69,6 +71,7 @@ def map_database(
     """
     from semsfm_colmap.colmap.database.reader import read_database
     from semsfm_colmap.colmap.database.work import DatabaseImage
+    from semsfm_colmap.colmap.model.model_database import write_model_database
     from semsfm_colmap.mapping.observations import join_matches
 
     config, reporter = config or Config(), reporter or Reporter(verbosity=-1)
@@ -84,16 +87,17 @@ def map_database(
         ids = [image.image_id for image in images]
         keypoints = [reader.xy(image_id) for image_id in ids]
         with open_executor(config, say=reporter.say) as executor:
-            matches = {
-                g.image_pair: g.keypoints[g.inlier]
+            verified = {
+                g.image_pair: (g.F, g.keypoints[g.inlier])
                 for g in verify_database(reader, ids, keypoints, config, reporter, executor)
                 if g.F is not None
             }
+    matches = {pair: inliers for pair, (_, inliers) in verified.items()}
     # the model keeps every keypoint's number; those without a place have no matches by now
     keypoints = [np.nan_to_num(xy, posinf=0.0, neginf=0.0) for xy in keypoints]
     with locked_folder(output_path, MODELS_LOCK_FILE):
         observations, counts = join_matches(keypoints, matches, config.tracks)
-        return map_series(
+        record = map_series(
             MatchedSeries(
                 series=series,
                 keypoints=dict(zip(series.names, keypoints, strict=True)),
@@ -109,6 +113,10 @@ def map_database(
             sparse_path=output_path,
             image_path=image_path,
         )
+        geometries = {(ids[i], ids[j]): found for (i, j), found in verified.items()}
+        for entry in record.models:
+            write_model_database(output_path / Path(entry.model).name, geometries)
+    return record
 
 
 def check_models_folder(path: Path) -> None:
@@ -163,7 +171,7 @@ def check_images(
 def size_on_disk(path: Path, database_path: Path) -> tuple[int, int]:
     """Width and height as an image file's header says."""
     from semsfm_colmap.ingest.files.header import UnreadableImageError
-    from semsfm_colmap.ingest.files.raster import read_header
+    from semsfm_colmap.ingest.files.read import read_header
     from semsfm_colmap.ingest.options import IngestOptions
 
     if not path.is_file():

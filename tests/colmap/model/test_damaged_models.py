@@ -127,3 +127,29 @@ def test_what_is_not_finite_is_no_part_of_an_orthographic_model(model, what):
     path.write_text("\n".join(lines) + "\n")
     with pytest.raises(InputError, match="finite" if what == "point" else "pose"):
         read_pinhole_model(model / "txt", max_deviation_px=1e9)
+
+
+def test_numbers_that_none_can_reckon_with_are_refused_as_nan_is(model):
+    cameras = model / "txt" / "cameras.txt"
+    lines = cameras.read_text().splitlines()
+    cameras.write_text("\n".join([*lines[:-1], lines[-1].rpartition(" ")[0] + " 1e200"]))
+    with pytest.raises(InputError, match=r"cameras\.txt is damaged .*not a finite number"):
+        read_any_model(model / "txt")
+
+
+def test_a_point_too_far_to_reckon_with_is_left_out_as_one_at_nan(model):
+    points = model / "txt" / "points3D.txt"
+    text = points.read_text()
+    line = next(line for line in text.splitlines() if not line.startswith("#"))
+    fields = line.split(" ")
+    points.write_text(text.replace(line, " ".join([fields[0], "1e200", *fields[2:]])))
+    count = len(read_any_model(model / "bin").points)
+    assert len(read_any_model(model / "txt").points) == count - 1
+    with pytest.raises(InputError, match="1 points at places that are not finite"):
+        read_pinhole_model(model / "txt", max_deviation_px=1e9)
+
+
+def test_names_with_spaces_come_out_of_a_text_model_whole(model):
+    read = read_any_model(model / "txt")
+    assert read.image_names == read_any_model(model / "bin").image_names
+    assert read.image_names[1] == "a 1.png"

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import struct
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +99,21 @@ def test_what_is_no_stack_of_grey_images_is_refused(tmp_path, offset, value, sai
     stack.write_bytes(raw)
     with pytest.raises(InputError, match=said):
         find_images(stack)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_header_that_lies_about_the_extended_one_takes_no_memory(tmp_path, order) -> None:
+    stack = write_stack(tmp_path / "a.st", textures(), order=order)
+    read_stack_header(stack)
+    content = bytearray(stack.read_bytes())
+    content[92:96] = struct.pack(f"{order}i", 2**31 - 1)
+    stack.write_bytes(content)
+    tracemalloc.start()
+    with pytest.raises(UnreadableImageError, match=r"its header promises 21[0-9]{8} for 4 images"):
+        read_stack_header(stack)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e6
 
 
 def test_a_text_file_with_the_suffix_of_a_stack_is_refused(tmp_path) -> None:

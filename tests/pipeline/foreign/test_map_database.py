@@ -17,6 +17,7 @@ from semsfm_colmap.colmap.database.reader import read_database
 from semsfm_colmap.colmap.database.work import read_inlier_matches
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.sparse import read_model
+from semsfm_colmap.colmap.presets import pipeline_options
 from semsfm_colmap.config import Config
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.pipeline.executor import ThreadExecutor
@@ -313,3 +314,43 @@ def test_a_projects_own_matches_are_verified_as_the_project_did(small_project, t
     assert found.keys() == {pair for pair, rows in stored.items() if len(rows)}
     assert len(found) > 6
     assert all(np.array_equal(found[pair], stored[pair]) for pair in found)
+
+
+@pytest.mark.parametrize("case", ["4.x with rigs", "ids without order"])
+def test_pycolmap_goes_on_with_the_model_and_the_database_beside_it(case, tmp_path):
+    write, options = CASES[case]
+    content, _ = simulated_content(wrong_share=0.0, **options)
+    database = write(tmp_path / "d.db", content)
+    map_database(database, tmp_path / "out")
+    path = tmp_path / "out" / "0"
+    (tmp_path / "triangulated").mkdir()
+    theirs = pycolmap.triangulate_points(
+        pycolmap.Reconstruction(str(path)), str(path / "database.db"), str(tmp_path),
+        str(tmp_path / "triangulated"), clear_points=True, options=pipeline_options(),
+    )  # fmt: skip
+    ours = read_model(path)
+    assert theirs.num_reg_images() == 8
+    assert theirs.num_points3D() > 0.9 * len(ours.points)
+    assert theirs.compute_mean_reprojection_error() < 0.4
+
+
+def test_the_database_beside_the_model_holds_the_verified_matches_by_its_ids(tmp_path):
+    write, options = CASES["ids without order"]
+    content, _ = simulated_content(**options)
+    map_database(write(tmp_path / "d.db", content), tmp_path / "out")
+    path = tmp_path / "out" / "0" / "database.db"
+    given = content.stored(content.raw)
+    xy = dict(zip(content.ids, content.keypoints, strict=True))
+    found = read_inlier_matches(path)
+    assert sum(map(len, found.values())) > 0.8 * sum(map(len, given.values()))
+    with pycolmap.Database.open(str(path)) as db:
+        for (a, b), rows in found.items():
+            assert set(map(tuple, rows)) <= set(map(tuple, given[a, b]))
+            F = db.read_two_view_geometry(a, b).F
+            first, second = (
+                np.column_stack([xy[i][k, :2], np.ones(len(k))]) for i, k in ((a, rows[:, 0]),
+                                                                              (b, rows[:, 1]))
+            )  # fmt: skip
+            line = first @ F.T
+            distance = np.abs(np.sum(second * line, axis=1)) / np.linalg.norm(line[:, :2], axis=1)
+            assert np.median(distance) < 1.0

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.apart import ONE_FILE, DiedError, call_apart
 from semsfm_colmap.metrology.heights.files.lengths import unit_of
 from semsfm_colmap.metrology.heights.height_map import HeightMap
 
@@ -33,6 +34,17 @@ def write(height_map: HeightMap, path: Path) -> None:
 
 def read(path: Path) -> HeightMap:
     """Read the first page as heights and a second one named sigma."""
+    try:
+        return call_apart(ONE_FILE, decoded, path.absolute())
+    except DiedError as died:
+        raise InputError(
+            f"{path} ended the process that read it ({died}): write it again with the program that "
+            "made it"
+        ) from died
+
+
+def decoded(path: Path) -> HeightMap:
+    """The same in this process."""
     import tifffile
 
     try:
