@@ -7,6 +7,7 @@ gets the same sentence, and help reads the same bounds.
 from __future__ import annotations
 
 import math
+import re
 import types
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
@@ -21,6 +22,7 @@ from semsfm_colmap.errors import UsageError
 Positive = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Ge(0)]
 Share = Annotated[float, Interval(ge=0, le=1)]
+RelativeSigma = Annotated[float, Interval(ge=0, lt=1)]
 Correlation = Annotated[float, Interval(ge=-1, le=1)]
 Angle = Annotated[float, Interval(ge=0, le=180)]
 Percentile = Annotated[float, Interval(ge=0, le=100)]
@@ -39,9 +41,7 @@ class Checked:
         for name, hint in _hints(kind).items():
             value = plain(getattr(self, name), hint)
             object.__setattr__(self, name, value)
-            wanted = fault(value, hint)
-            if wanted:
-                raise UsageError(f"{self._place(name)} is {value!r}: give {wanted}")
+            hold(self._place(name), value, hint)
         for name, wanted in self.contradictions():
             raise UsageError(f"{self._place(name)} is {getattr(self, name)!r}: {wanted}")
 
@@ -51,7 +51,15 @@ class Checked:
 
     def _place(self, name: str) -> str:
         section = type(self).__name__.removesuffix("Options")
-        return name if section == "Config" else f"{name} of the {section.lower()} options"
+        words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", section).lower()
+        return name if section == "Config" else f"{name} of the {words} options"
+
+
+def hold(name: str, value: Any, hint: Any) -> None:
+    """Refuse a value that its type does not hold, by its name."""
+    wanted = fault(value, hint)
+    if wanted:
+        raise UsageError(f"{name} is {value!r}: give {wanted}")
 
 
 @cache
