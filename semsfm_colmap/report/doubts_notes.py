@@ -25,7 +25,8 @@ class Cause:
 
 
 STRETCHED = 0.1
-"""Relative error of angles of images that were stretched along one axis by several percent."""
+"""Relative error of angles of images that were stretched along one axis by several percent, or of a
+background among the points."""
 CAUSES_NOTED = (
     Cause(
         words="tilt correction was on",
@@ -68,6 +69,12 @@ CAUSES_NOTED = (
         title="the displacements do not follow the rotation",
         action="check the column displacement_um of the table",
         size=NO_ERROR,
+    ),
+    Cause(
+        words="features stand still while others move",
+        title="a background does not turn with the specimen",
+        action="leave it out with --masks auto or with masks of your own (--masks_path)",
+        size=STRETCHED,
     ),
     Cause(
         words="one of the two is wrong",
