@@ -18,6 +18,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from annotated_types import Ge, Gt, Interval, MinLen
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.reprs import changed
 
 Positive = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Ge(0)]
@@ -33,7 +34,13 @@ SomePositive = Annotated[tuple[Positive, ...], MinLen(1)]
 
 
 class Checked:
-    """Base of dataclasses of options: what is no value of its field is refused at construction."""
+    """Base of dataclasses of options: what is no value of its field is refused at construction.
+
+    Shown are those that are not at their defaults.
+    """
+
+    def __init_subclass__(cls) -> None:
+        cls.__repr__ = changed  # type: ignore[method-assign]  # dataclass keeps what is there
 
     def __post_init__(self) -> None:
         """Check every field, and what fields say of one another."""
