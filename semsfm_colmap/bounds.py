@@ -7,6 +7,7 @@ gets the same sentence, and help reads the same bounds.
 from __future__ import annotations
 
 import math
+import re
 import types
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
@@ -17,10 +18,12 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from annotated_types import Ge, Gt, Interval, MinLen
 
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.reprs import changed
 
 Positive = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Ge(0)]
 Share = Annotated[float, Interval(ge=0, le=1)]
+RelativeSigma = Annotated[float, Interval(ge=0, lt=1)]
 Correlation = Annotated[float, Interval(ge=-1, le=1)]
 Angle = Annotated[float, Interval(ge=0, le=180)]
 Percentile = Annotated[float, Interval(ge=0, le=100)]
@@ -31,7 +34,13 @@ SomePositive = Annotated[tuple[Positive, ...], MinLen(1)]
 
 
 class Checked:
-    """Base of dataclasses of options: what is no value of its field is refused at construction."""
+    """Base of dataclasses of options: what is no value of its field is refused at construction.
+
+    Shown are those that are not at their defaults.
+    """
+
+    def __init_subclass__(cls) -> None:
+        cls.__repr__ = changed  # type: ignore[method-assign]  # dataclass keeps what is there
 
     def __post_init__(self) -> None:
         """Check every field, and what fields say of one another."""
@@ -39,9 +48,7 @@ class Checked:
         for name, hint in _hints(kind).items():
             value = plain(getattr(self, name), hint)
             object.__setattr__(self, name, value)
-            wanted = fault(value, hint)
-            if wanted:
-                raise UsageError(f"{self._place(name)} is {value!r}: give {wanted}")
+            hold(self._place(name), value, hint)
         for name, wanted in self.contradictions():
             raise UsageError(f"{self._place(name)} is {getattr(self, name)!r}: {wanted}")
 
@@ -51,7 +58,15 @@ class Checked:
 
     def _place(self, name: str) -> str:
         section = type(self).__name__.removesuffix("Options")
-        return name if section == "Config" else f"{name} of the {section.lower()} options"
+        words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", section).lower()
+        return name if section == "Config" else f"{name} of the {words} options"
+
+
+def hold(name: str, value: Any, hint: Any) -> None:
+    """Refuse a value that its type does not hold, by its name."""
+    wanted = fault(value, hint)
+    if wanted:
+        raise UsageError(f"{name} is {value!r}: give {wanted}")
 
 
 @cache

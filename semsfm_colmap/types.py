@@ -14,6 +14,8 @@ from typing import Any, Generic, Literal, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from semsfm_colmap.reprs import outline
+
 Array = NDArray[Any]
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -31,7 +33,10 @@ class ParallelMap(Protocol):
 
 
 class _Frozen:
-    """Make every array field read-only after construction."""
+    """Make every array field read-only after construction; shown as an outline."""
+
+    def __init_subclass__(cls) -> None:
+        cls.__repr__ = outline  # type: ignore[method-assign]  # dataclass keeps what is there
 
     def __post_init__(self) -> None:
         for f in fields(self):  # type: ignore[arg-type]
@@ -93,6 +98,8 @@ class SemFrame:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SemSeries:
     """The prepared images in acquisition order and the pixel size of the series."""
+
+    __repr__ = outline
 
     frames: tuple[SemFrame, ...]
     pixel_size_um: float | None = None

@@ -7,15 +7,24 @@ from typing import get_args, get_origin, get_type_hints
 
 import pytest
 
+from semsfm_colmap.cli.commands import COMMANDS
+from semsfm_colmap.cli.common import described
+from semsfm_colmap.cli.flags import flags_of
 from semsfm_colmap.cli.main import main
 from semsfm_colmap.config import Config, config_from_dict
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.matching.options import MatchingOptions
+from semsfm_colmap.metrology.heights.height_map_options import HeightMapOptions
+from semsfm_colmap.planning.options import NoiseOptions, SpecimenOptions
+from semsfm_colmap.report.options import ReportOptions
+from semsfm_colmap.studies.features.options import StudyOptions
 from semsfm_colmap.synthetic.options import SynthesizeOptions
 
 SIGNED = {
     "tilt_step_deg", "first_octave", "exclusion_px", "min_correlation", "range_deg", "step_deg",
     "start_deg", "mount_deg", "secant_exponent", "magnification_drift", "degrees_per_um",
+    "from_deg", "to_deg",
 }  # fmt: skip
 """Options with a meaning below 0."""
 ZERO_IS_NONE = ("spacing_px", "sweep_step_px", "max_error_px", "pixel_size_um", "seed", "rounds")
@@ -72,6 +81,77 @@ def test_every_option_of_the_renderer_refuses_what_it_cannot_be(section, name, h
     for value in forbidden(name, hint):
         with pytest.raises(UsageError, match=rf"{name}.* is .*: give"):
             SynthesizeOptions(**{name: value})
+
+
+def options_beside_the_configuration():
+    """The dataclasses of options that commands have besides `Config`."""
+    found = {}
+    for command in COMMANDS:
+        kind = described(command.main())
+        for hint in get_type_hints(kind).values():
+            if is_dataclass(hint) and hint is not Config:
+                found[hint.__name__] = hint
+    return sorted({**found, "NoiseOptions": NoiseOptions, "ReportOptions": ReportOptions}.items())
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "hint"),
+    [
+        (kind, name, hint)
+        for _, kind in options_beside_the_configuration()
+        for _, name, hint in options_of(kind)
+    ],
+)
+def test_every_option_of_other_commands_refuses_what_it_cannot_be(kind, name, hint):
+    for value in forbidden(name, hint):
+        with pytest.raises(UsageError, match=rf"{name}.* is .*: give"):
+            kind(**{name: value})
+
+
+@pytest.mark.parametrize("command", [command.name for command in COMMANDS])
+@pytest.mark.parametrize("value", ["nan", "inf", "-1"])
+def test_numbers_of_commands_themselves_are_refused_in_one_sentence(
+    tmp_path, capsys, command, value
+):
+    kind = described(next(c for c in COMMANDS if c.name == command).main())
+    own = {one.name for one in fields(kind) if not is_dataclass(get_type_hints(kind)[one.name])}
+    flags = list(flags_of(kind))
+    wrong = {"NUMBER", "INTEGER"} if value == "-1" else {"NUMBER"}
+    numbers = [
+        flag
+        for flag in flags
+        if flag.name.removeprefix("--") in own and wrong & set(flag.values.split())
+    ]
+    needed = [flag for flag in flags if flag.required]
+    for number in numbers:
+        given = []
+        for flag in needed:
+            value_of = "ply" if flag.name == "--to" else str(tmp_path / "some")
+            given += [value_of] if flag.is_positional else [flag.name, value_of]
+        count = max(len(number.values.removesuffix(" ...").split()), 1)
+        if value == "-1" and count > 1:
+            continue  # places may have any sign
+        assert main([command, *given, number.name, *[value] * count]) == 2, number
+        said = capsys.readouterr().err
+        assert number.name.removeprefix("--") in said, said
+        assert "not a folder" not in said, said
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: FormatOptions(max_deviation_px=0, focal_factor=0, fusion_consistency_px=0),
+        lambda: FormatOptions(max_fiducials=0, max_source_angle_deg=0),
+        lambda: NoiseOptions(drift_sigma_px=0),
+        lambda: SpecimenOptions(max_total_deg=360),
+        lambda: HeightMapOptions(pixel_size_sigma=0, seed=0),
+        lambda: StudyOptions(max_num_pairs=0, overlap_px=0, exclusion_px=0),
+        lambda: ReportOptions(max_scene_points=0, max_scene_faces=0, max_pair_rows=0),
+        lambda: SynthesizeOptions(start_deg=0, magnification_drift=0),
+    ],
+)
+def test_a_zero_that_means_something_is_taken(make):
+    make()
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Kills, full disks and damaged files, with counts for docs/reliability.md.
+"""Kills, full disks, damaged files and bad input, with counts for docs/reliability.md.
 
 Results are kept line by line in FOLDER: a run that was cut off goes on. Ends with exit code 1 where
 anything was wrong, and says what.
@@ -11,10 +11,11 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.reliability import damage, disks, kills
+from benchmarks.reliability import damage, disks, inputs, kills
 from benchmarks.reliability.projects import Series, make_series
 from benchmarks.tables import add_page_option, parser, put, table
 
+KINDS = ("damage", "disks", "kills", "inputs")
 Result = dict[str, object]
 Case = tuple[str, Callable[[], Result]]
 
@@ -66,13 +67,20 @@ def tables(series: Series, folder: Path, only: list[str], number: int, seed: int
         ]
         found = measured(folder / "kills.jsonl", cases)
         blocks.append(table(("killed in", "kills", "then the same to the bit"), kills.rows(found)))
+    if "inputs" in only:
+        cases = [
+            (row.what, lambda r=row: inputs.feed(series, folder, r))  # type: ignore[misc]
+            for row in inputs.ROWS
+        ]
+        found = measured(folder / "inputs.jsonl", cases)
+        blocks.append(table(("bad input", "what is said", "exit code"), inputs.rows(found)))
     return "\n\n".join(blocks)
 
 
 def main() -> None:
     """Run the command."""
     arguments = parser("reliability", __doc__)
-    arguments.add_argument("--only", nargs="+", choices=("damage", "disks", "kills"))
+    arguments.add_argument("--only", nargs="+", choices=KINDS)
     arguments.add_argument("--number", type=int, default=50, help="of kills, and of disks")
     arguments.add_argument("--seed", type=int, default=0, help="of the moments of kills")
     arguments.add_argument("--images", type=Path, help="default: a series is rendered")
@@ -83,7 +91,7 @@ def main() -> None:
     args.output.mkdir(parents=True, exist_ok=True)
     folder = args.output.resolve()
     series = make_series(folder, args.images, tuple(args.options))
-    text = tables(series, folder, args.only or ["damage", "disks", "kills"], args.number, args.seed)
+    text = tables(series, folder, args.only or list(KINDS), args.number, args.seed)
     if args.markdown is not None:
         put(args.markdown, "reliability", text)
     else:

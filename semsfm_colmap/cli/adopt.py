@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from semsfm_colmap.bounds import CountOrNone
 from semsfm_colmap.cli.common import parse, positional_first
 from semsfm_colmap.colmap.options import AdoptionOptions
 from semsfm_colmap.io.terminal import show
@@ -30,7 +31,7 @@ class Arguments:
     """The project folder."""
     model_path: Path
     """Folder of the changed model, binary or text."""
-    model: int = 0
+    model: CountOrNone = 0
     """Number of the model below sparse/ that it comes from."""
     dry_run: bool = False
     """Only compare."""

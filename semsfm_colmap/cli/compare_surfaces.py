@@ -8,6 +8,7 @@ from pathlib import Path
 
 import tyro
 
+from semsfm_colmap.bounds import Positive
 from semsfm_colmap.cli.common import Quiet, parse_flags, verbosity
 
 DESCRIPTION = """What has changed between the surfaces of two projects of one specimen, before and
@@ -33,7 +34,7 @@ class Arguments:
     """Name of that image; default: the first one of the model."""
     free_scale: bool = False
     """The scale of the later surface is found, too: its pixel size is not trusted."""
-    spacing: float | None = None
+    spacing: Positive | None = None
     """Distance of the cells in world units; default: mean distance of the mesh's vertices."""
     quiet: Quiet = False
     """Say nothing but warnings."""

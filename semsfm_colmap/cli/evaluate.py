@@ -8,6 +8,7 @@ from pathlib import Path
 
 import tyro
 
+from semsfm_colmap.bounds import CountOrNone
 from semsfm_colmap.cli.common import parse
 from semsfm_colmap.io.terminal import show
 
@@ -22,7 +23,7 @@ class Arguments:
     """The project folder."""
     truth_path: tyro.conf.Positional[Path]
     """Folder with truth.json and mesh.npz, as `semsfm synthesize` writes it."""
-    model: int = 0
+    model: CountOrNone = 0
     """Number of the model below sparse/."""
     json: Path | None = None
     """Also write the figures to this file."""

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from semsfm_colmap.bounds import CountOrNone
 from semsfm_colmap.cli.common import Quiet, parse, positional_first, verbosity
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.registry import FORMATS
@@ -34,7 +35,7 @@ class Arguments:
     to: Format
     output_path: Path | None = None
     """Folder to write; default: PROJECT/export/FORMAT."""
-    model: int = 0
+    model: CountOrNone = 0
     """Number of the model below sparse/."""
     quiet: Quiet = False
     """Say nothing but warnings."""

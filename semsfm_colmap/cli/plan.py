@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+from semsfm_colmap.bounds import Count, CountOrNone, Positive
 from semsfm_colmap.cli.common import parse_flags
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.io.terminal import show
@@ -25,21 +26,21 @@ DESCRIPTION = """Predict depth and rotation sigmas before the images are taken (
 class Arguments:
     """Arguments of the command."""
 
-    depth_sigma_px: float | None = None
+    depth_sigma_px: Positive | None = None
     """Wanted: median standard deviation of the depths, by noise, px."""
-    depth_sigma_um: float | None = None
+    depth_sigma_um: Positive | None = None
     """The same in um; needs --pixel_size_um."""
-    num_frames: int | None = None
+    num_frames: Count | None = None
     """Images of the series to be predicted, with --total_deg or --step_deg."""
-    total_deg: float | None = None
+    total_deg: Positive | None = None
     """Its angle from the first image to the last; 360: the turn closes."""
-    step_deg: float | None = None
+    step_deg: Positive | None = None
     """Its angle between neighbouring images."""
     project: Path | None = None
     """A project folder: which angles to add to it."""
-    model: int = 0
+    model: CountOrNone = 0
     """Number of its model below sparse/."""
-    pixel_size_um: float | None = None
+    pixel_size_um: Positive | None = None
     """Pixel size, for depths in um; a project knows its own."""
     json: Path | None = None
     """Also write the numbers to this file."""

@@ -4,40 +4,48 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from semsfm_colmap.bounds import Angle, Checked, Count, CountOrNone, NotNegative, Positive
+
 
 @dataclass(frozen=True, kw_only=True)
-class FormatOptions:
+class FormatOptions(Checked):
     """The pinhole camera that stands in for parallel projection, and what goes beside it.
 
     The focal length is measured in the longer side of the image: f = k max(W, H).
     """
 
-    max_deviation_px: float = 0.0
+    max_deviation_px: NotNegative = 0.0
     """Largest distance between pinhole and parallel projection, formats in double precision; 0
     keeps the focal length of the project's own model."""
-    max_float32_deviation_px: float = 0.25
+    max_float32_deviation_px: Positive = 0.25
     """The same for programs that compute in float32: k is chosen for it between the next two."""
-    min_float32_focal_factor: float = 300.0
+    min_float32_focal_factor: Positive = 300.0
     """Smallest k of the float32 formats."""
-    max_float32_focal_factor: float = 1000.0
+    max_float32_focal_factor: Positive = 1000.0
     """Largest k of the float32 formats: their depths are good to about k max(W, H) / 1e7 px."""
-    focal_factor: float = 0.0
+    focal_factor: NotNegative = 0.0
     """This k in place of the chosen one; 0 chooses."""
     plain_names: bool = False
     """Copy the images as image_0001.png, ...; names.csv holds the names they had."""
     grey_images: bool = False
     """Copy grey images as they are, not as RGB with three equal channels (colmap-float32,
     nerfstudio, openmvs): a third of the bytes, for programs that read grey ones."""
-    fusion_consistency_px: float = 3.0
+    fusion_consistency_px: NotNegative = 3.0
     """Depths that COLMAP's stereo fusion takes for the same surface (colmap-dense)."""
-    min_fusion_pixels: int = 3
+    min_fusion_pixels: Count = 3
     """Depth pixels that stereo fusion joins at least to a point (colmap-dense)."""
-    scale_factor: float = 1000.0
+    scale_factor: Positive = 1000.0
     """Size of the print over that of the specimen, 1000: a millimetre for a micrometre; in a world
     of pixels, millimetres for each 1000 px (stl, 3mf)."""
-    max_fiducials: int = 200
+    max_fiducials: CountOrNone = 200
     """So many of the longest tracks become fiducials (imod)."""
-    num_source_images: int = 10
+    num_source_images: Count = 10
     """Source images of each reference in patch-match.cfg (colmap-dense)."""
-    max_source_angle_deg: float = 30.0
+    max_source_angle_deg: Angle = 30.0
     """Source images seen at a larger angle are left out, unless none is nearer (colmap-dense)."""
+
+    def contradictions(self) -> list[tuple[str, str]]:
+        """The smallest focal length is no larger than the largest."""
+        if self.min_float32_focal_factor > self.max_float32_focal_factor:
+            return [("min_float32_focal_factor", "give no more than max_float32_focal_factor")]
+        return []

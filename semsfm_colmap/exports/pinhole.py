@@ -47,14 +47,6 @@ def choose_focal_length(
 
     `own_focal_px` is that of the project's sparse model.
     """
-    low, high = options.min_float32_focal_factor, options.max_float32_focal_factor
-    if not 0 < low <= high or options.max_float32_deviation_px <= 0 or options.focal_factor < 0:
-        raise UsageError(
-            f"min_float32_focal_factor = {low:g}, max_float32_focal_factor = {high:g}, "
-            f"max_float32_deviation_px = {options.max_float32_deviation_px:g}, focal_factor = "
-            f"{options.focal_factor:g}: the first must be positive and no larger than the second, "
-            "the third positive, the last 0 or positive"
-        )
     size = float(np.max(reconstruction.image_size_px))
     if options.focal_factor > 0:
         return options.focal_factor * size
@@ -71,7 +63,8 @@ def choose_focal_length(
         bound,
     )
     if float32:
-        focal = float(np.clip(focal, low * size, high * size))
+        k = (options.min_float32_focal_factor, options.max_float32_focal_factor)
+        focal = float(np.clip(focal, k[0] * size, k[1] * size))
     return focal
 
 

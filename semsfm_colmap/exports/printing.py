@@ -10,9 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.errors import InputError
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.scene import ExportScene, Summary
 from semsfm_colmap.io.open3d_library import import_open3d
@@ -44,8 +42,6 @@ def print_mesh(
     mesh_path: Path, folder: Path, options: FormatOptions, file_type: str, unit: str
 ) -> Summary:
     """``mesh.<file type>`` of a mesh.ply in a world of some unit, empty where it is not known."""
-    if not (np.isfinite(options.scale_factor) and options.scale_factor > 0):
-        raise UsageError(f"scale_factor = {options.scale_factor:g}: it must be positive")
     import_open3d()  # which finds faces that cross
     surface = _read(mesh_path)
     mesh = printable(surface, options.scale_factor)

@@ -161,6 +161,7 @@ def finish(context: SeriesContext, part: Settled) -> MappedPart:
             notes=(
                 *part.notes,
                 *notes,
+                *(() if uncertainty is None else uncertainty.notes),
                 *drag_notes(drag),
                 *perspective_notes(perspective, trust.total_rotation_sigma_deg),
             ),

@@ -7,6 +7,10 @@ from collections.abc import Iterable, Sequence
 from semsfm_colmap.records import PairStatistics
 from semsfm_colmap.types import AffineTwoViewGeometry
 
+MIN_STATIC_SHARE = 0.05
+"""Share of all matches that stand still from which it is said: of series without a background that
+is matched it is 0, of one whose stub stays in place behind the specimen 0.3."""
+
 
 def pair_statistics(
     geometries: Iterable[AffineTwoViewGeometry], names: Sequence[str]
@@ -31,3 +35,22 @@ def pair_statistics(
             )
         )
     return statistics
+
+
+def background_note(pairs: Sequence[PairStatistics]) -> str | None:
+    """A sentence where features stand still while others move; None where hardly any do.
+
+    Pairs far apart may have no other matches than those, which then pass for a view that is
+    repeated: what was dropped is less than there is, and the angles come out too small.
+    """
+    still = sum(pair.num_static_rejected for pair in pairs)
+    total = sum(pair.num_matches for pair in pairs)
+    if total == 0 or still < MIN_STATIC_SHARE * total:
+        return None
+    where = sum(pair.num_static_rejected > 0 for pair in pairs)
+    return (
+        f"features stand still while others move: {still / total:.0%} of the matches, in {where} "
+        f"of {len(pairs)} pairs: a background or a mount that does not turn with the specimen, "
+        "which makes angles too small; leave it out with --masks auto or with masks of your own "
+        "(--masks_path)"
+    )

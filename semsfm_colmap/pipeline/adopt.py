@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from semsfm_colmap.bounds import CountOrNone, hold
 from semsfm_colmap.colmap.adoption import ModelChange, compare_models, old_origin
 from semsfm_colmap.colmap.database.work import DatabaseImage
 from semsfm_colmap.colmap.model.pinhole_reading import read_pinhole_model
@@ -56,6 +57,7 @@ def adopt_model(
 
     """
     options = options or AdoptionOptions()
+    hold("model", model, CountOrNone)
     project = open_project(project_path)
     target = project.sparse / str(model)
     changed_path = Path(changed_path)

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from semsfm_colmap.bounds import Positive, hold
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import folder_aside, write_bytes, write_json
+from semsfm_colmap.metrology.heights.region import Rectangle
 from semsfm_colmap.pipeline.project import Project, open_project
 
 if TYPE_CHECKING:
     from semsfm_colmap.metrology.heights.comparison import SurfaceComparison, Volume
-    from semsfm_colmap.metrology.heights.region import Rectangle
     from semsfm_colmap.pipeline.reporter import Reporter
     from semsfm_colmap.types import Reconstruction
 
@@ -67,6 +68,8 @@ def compare_projects(
     from semsfm_colmap.metrology.heights.picture import difference_picture
     from semsfm_colmap.pipeline.height_map import part_of_mesh, specimen_with_mesh, transfer_of
 
+    hold("region", region, Rectangle | None)
+    hold("spacing", spacing, Positive | None)
     formats = [check_format(name) for name in to]
     projects = [open_project(before_path), open_project(after_path)]
     output = Path(output_path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from semsfm_colmap.bounds import CountOrNone, hold
 from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.table import format_evaluation
@@ -18,6 +19,7 @@ def evaluate_project(
     """Figures of a model of a project, and of the mesh for model 0, against the truth; a table."""
     from semsfm_colmap.io.ply import read_ply_mesh
 
+    hold("model", model, CountOrNone)
     project = open_project(project_path)
     truth = load_truth(Path(truth_path))
     reconstruction = read_model(project.sparse / str(model))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from semsfm_colmap.bounds import CountOrNone, hold
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.exports.options import FormatOptions
 from semsfm_colmap.exports.registry import find_format
@@ -48,6 +49,7 @@ def export_project(
     """
     options = options or FormatOptions()
     find_format(format_name)
+    hold("model", model, CountOrNone)
     project = open_project(project_path)
     model_path = project.sparse / str(model)
     if (project.path / RECORD).is_file():

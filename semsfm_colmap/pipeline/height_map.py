@@ -7,16 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from semsfm_colmap.bounds import hold
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.atomic import file_aside, write_bytes, write_json
 from semsfm_colmap.metrology.heights.height_map_options import HeightMapOptions
+from semsfm_colmap.metrology.heights.region import Rectangle
 from semsfm_colmap.pipeline.project import Project, check_output, locked, open_project
 
 if TYPE_CHECKING:
     from semsfm_colmap.metrology.heights.characteristics import Characteristic
     from semsfm_colmap.metrology.heights.height_map import HeightMap
     from semsfm_colmap.metrology.heights.parameter_uncertainty import ErrorModel, MeasuredParameter
-    from semsfm_colmap.metrology.heights.region import Rectangle
     from semsfm_colmap.metrology.heights.scale_limited import Filtering, Transfer
     from semsfm_colmap.metrology.sizes.specimen import Specimen
     from semsfm_colmap.pipeline.reporter import Reporter
@@ -90,6 +91,9 @@ def height_map(
     from semsfm_colmap.metrology.heights.scale_limited import check_filtering, scale_limited
 
     options = options or HeightMapOptions()
+    for name, place in (("region", region), ("profile", profile)):
+        hold(name, place, Rectangle | None)
+    hold("steps", tuple(map(tuple, steps)), tuple[tuple[float, float], ...])
     formats = [check_format(name) for name in to]
     project = open_project(project_path)
     check_output(project, [project.metrology.name])

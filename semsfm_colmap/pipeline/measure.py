@@ -65,10 +65,6 @@ def measure(
     from semsfm_colmap.pipeline.specimen import read_specimen
 
     options = options or MetrologyOptions()
-    if not 0.0 <= options.pixel_size_sigma < 1.0:
-        raise UsageError(
-            f"{options.pixel_size_sigma=:g} but expected a share from 0 to 1, such as 0.03 for 3 %"
-        )
     project = open_project(project_path)
     check_output(project, [project.metrology.name])
     requests = read_requests(project, points, profile, scale_from)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from semsfm_colmap.bounds import Count, CountOrNone, Positive, hold
 from semsfm_colmap.errors import InputError, UsageError
 from semsfm_colmap.io.atomic import file_aside
 from semsfm_colmap.pipeline.project import Project, open_project
@@ -13,7 +14,6 @@ from semsfm_colmap.planning.options import (
     NextOptions,
     NoiseOptions,
     SpecimenOptions,
-    check_options,
 )
 
 if TYPE_CHECKING:
@@ -75,8 +75,6 @@ def plan(
         specimen or SpecimenOptions(),
         add or NextOptions(),
     )
-    check_options(specimen)
-    check_options(given.over(NoiseOptions()))
     numbers = {
         "pixel_size_um": pixel_size_um,
         "depth_sigma_px": depth_sigma_px,
@@ -85,8 +83,9 @@ def plan(
         "step_deg": step_deg,
     }
     for name, value in numbers.items():
-        if value is not None and not 0.0 < value < float("inf"):
-            raise UsageError(f"--{name} is {value}: give a number above 0")
+        hold(name, value, Positive | None)
+    hold("num_frames", num_frames, Count | None)
+    hold("model", model, CountOrNone)
     wanted = depth_sigma_px is not None or depth_sigma_um is not None
     if sum((wanted, num_frames is not None, project_path is not None)) != 1:
         raise UsageError(

@@ -1,4 +1,6 @@
-"""How far a stage has come and how long it takes from here: a bar on a terminal, lines elsewhere.
+"""How far a stage has come and how long it takes from here.
+
+A bar on a terminal, one line that changes in a notebook, lines elsewhere.
 
 Time left is what has passed times the rest over what is done. A stage of several phases is told
 their usual shares of its time, so that one bar runs through all of them.
@@ -11,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib import import_module
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +21,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 SECONDS_BETWEEN_LINES = 5.0
+SECONDS_IN_NOTEBOOK = 1.0
 MIN_SHARE = 0.02
 """With less done nothing is said of the time left."""
 
@@ -50,22 +54,51 @@ def line(label: str, share: float, elapsed: float) -> str:
 
 @contextmanager
 def display() -> Iterator[Display]:
-    """A bar where stderr is a terminal, else a line every few seconds."""
-    with _bar() if sys.stderr.isatty() else _lines() as show:
+    """A bar where stderr is a terminal, a line below the cell of a notebook, else lines."""
+    if sys.stderr.isatty():
+        chosen = _bar()
+    elif in_notebook():
+        chosen = _line_of_cell()
+    else:
+        chosen = _lines(_print, SECONDS_BETWEEN_LINES)
+    with chosen as show:
         yield show
 
 
+def in_notebook() -> bool:
+    """Whether a kernel runs this, whose front end shows what is displayed."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return getattr(shell, "kernel", None) is not None
+
+
+def _print(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
 @contextmanager
-def _lines() -> Iterator[Display]:
+def _line_of_cell() -> Iterator[Display]:
+    """A line below the cell that each text replaces, empty at the end."""
+    display: Any = import_module("IPython.display").display
+    handle = display({"text/plain": ""}, raw=True, display_id=True)
+
+    def put(text: str) -> None:
+        handle.update({"text/plain": text}, raw=True)
+
+    with _lines(put, SECONDS_IN_NOTEBOOK) as show:
+        yield show
+    put("")
+
+
+@contextmanager
+def _lines(put: Callable[[str], None], seconds: float) -> Iterator[Display]:
     """Lines come from a thread of their own: also of what calls nobody for a minute."""
     begin, ended = time.monotonic(), threading.Event()
     now: list[tuple[str, float]] = []
 
     def speak() -> None:
-        while not ended.wait(SECONDS_BETWEEN_LINES):
+        while not ended.wait(seconds):
             if now and now[-1][1] < 1.0:
-                text = line(*now[-1], time.monotonic() - begin)
-                print(f"  {text}", file=sys.stderr, flush=True)
+                put(f"  {line(*now[-1], time.monotonic() - begin)}")
 
     def show(label: str, share: float) -> None:
         now[:] = [(label, share)]

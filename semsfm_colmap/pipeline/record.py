@@ -104,6 +104,11 @@ class RunRecord:
             options=dict(data.get("options", {})),
         )
 
+    def __repr__(self) -> str:
+        """A line a stage."""
+        lines = [f"{name}: {e.status}, {e.seconds:.1f} s" for name, e in self.stages.items()]
+        return "\n  ".join([f"RunRecord({self.path}", *lines]) + "\n)"
+
     def write(self) -> None:
         """Write run.json, whole."""
         data = {

@@ -66,6 +66,7 @@ def segment_project(
     from semsfm_colmap.segmentation.cuts import Views, apply_cuts
     from semsfm_colmap.segmentation.propose import propose
 
+    new_cuts = [check_cut(cut, "the new cut") for cut in new_cuts]
     project = open_project(project_path)
     check_output(project, [project.segments.name])
     with locked(project):
@@ -73,7 +74,7 @@ def segment_project(
         old = read_cuts(project.cuts)
         if undo > len(old):
             raise UsageError(f"{project.cuts} holds {len(old)} cuts: {undo} cannot be taken back")
-        cuts = [*old[: len(old) - undo], *(check_cut(cut, "the new cut") for cut in new_cuts)]
+        cuts = [*old[: len(old) - undo], *new_cuts]
         cuts, model_from_world, notes = in_worlds(project, model, cuts)
         labelling = propose(
             cloud, model.cameras, model.image_size_px, options or SegmentationOptions()

@@ -37,6 +37,8 @@ class MatchedSeries:
     """the ids the model takes over"""
     observations: Observations
     counts: TrackCounts
+    remarks: tuple[str, ...] = ()
+    """what matching has noted: a cause, where there is no model"""
 
 
 def map_series(
@@ -87,7 +89,7 @@ def map_series(
     with reporter.phases("map", PHASES) as progress:
         solution = map_parts(replace(context, progress=progress), matched.observations)
     if solution.value is None:
-        raise InputError(solution.message)
+        raise InputError("; ".join((solution.message, *matched.remarks)))
     together = []
     if several:
         places = places_in(

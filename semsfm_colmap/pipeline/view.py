@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from semsfm_colmap.errors import InputError, SemSfmError
+from semsfm_colmap.errors import InputError, SemSfmError, UsageError
+from semsfm_colmap.io.layout import LOCK_FILE
 from semsfm_colmap.metrology.sizes.options import MetrologyOptions
 from semsfm_colmap.pipeline.project import open_project
 from semsfm_colmap.pipeline.view_content import ProjectView
@@ -67,7 +68,7 @@ def view(
     Raises
     ------
     UsageError
-        There is no such folder.
+        There is no such folder, or it holds no project.
 
     """
     server = make_server(project_path, options)
@@ -88,10 +89,16 @@ def make_server(project_path: Path | str, options: MetrologyOptions | None = Non
     Raises
     ------
     UsageError
-        There is no such folder.
+        There is no such folder, or it holds no project.
 
     """
     project = open_project(project_path)
+    marks = (project.record, project.path / LOCK_FILE, project.sparse)
+    if not any(mark.exists() for mark in marks):
+        raise UsageError(
+            f"{project.path} holds no project: give the folder that `semsfm reconstruct` was given "
+            "as --output_path"
+        )
     return ViewServer(ProjectView(project, options or MetrologyOptions()))
 
 

@@ -191,12 +191,6 @@ def criterion_px(prediction: Prediction, criterion: Criterion) -> float:
 
 def candidate_angles(axis: AxisRotation, options: NextOptions) -> Float:
     """Angles (K,) deg to be tried, from the first image about the axis; less than a turn."""
-    if options.num_added < 1:
-        raise UsageError(f"--num_added is {options.num_added}: give 1 or more")
-    for flag in ("candidate_step_deg", "max_from_nearest_deg"):
-        value = getattr(options, flag)
-        if not 0.0 < value < math.inf:
-            raise UsageError(f"--{flag} is {value}: give a number above 0")
     angle = np.rad2deg(axis.angle_rad)
     low = float(angle.min()) - MARGIN_DEG if options.from_deg is None else options.from_deg
     high = float(angle.max()) + MARGIN_DEG if options.to_deg is None else options.to_deg

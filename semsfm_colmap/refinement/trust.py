@@ -40,6 +40,7 @@ from semsfm_colmap.refinement.model_spread import model_mode
 from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.perspective import PerspectiveFit, PerspectiveModel
 from semsfm_colmap.refinement.refine import Refined
+from semsfm_colmap.refinement.repeated_views import counted_once, repeated_notes
 from semsfm_colmap.refinement.shading import (
     SERIES_SIGMA_PX,
     SHADING_SIGMA_PX,
@@ -78,7 +79,8 @@ def covariance_of(
 
     """
     model, state = displaced_state(refined, height_px, displacement)
-    return estimate_covariance(model, state, refined.observations, refined.sigma_px).value
+    counted = counted_once(refined)
+    return estimate_covariance(model, state, counted.observations, counted.sigma_px).value
 
 
 def compare(
@@ -125,7 +127,8 @@ def uncertainty_of(
 
     """
     model, state = displaced_state(refined, height_px, displacement)
-    obs, sigma_px = refined.observations, refined.sigma_px
+    counted = counted_once(refined)
+    obs, sigma_px = counted.observations, counted.sigma_px
     noise = estimate_covariance(model, state, obs, sigma_px).value
     if noise is None:
         return None
@@ -158,7 +161,7 @@ def uncertainty_of(
         apart = model_mode(comparison, camera_model, model.param_idx, model.num_params)
         if apart is not None:
             modes["models"] = apart
-    found = Uncertainty(noise=noise, total=noise)
+    found = Uncertainty(noise=noise, total=noise, notes=tuple(repeated_notes(counted)))
     found = with_modes(found, modes, model, state, obs, sigma_px)
     found = with_principal_point(found, displacement)
     return with_relief(found, normals, relief_sigma(refined.points))

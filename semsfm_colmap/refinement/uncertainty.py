@@ -67,6 +67,8 @@ class Uncertainty:
     """For each name vectors (n, k) of the camera parameters, each a standard deviation"""
     relief_px: float = 0.0
     """Of each point by itself, along its normal"""
+    notes: tuple[str, ...] = ()
+    """What the error bars take into account that is not usual"""
 
     def parts(self, direction: Float) -> dict[str, float]:
         """Standard deviation of a combination (n,) of the camera parameters, by cause."""

@@ -10,13 +10,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from semsfm_colmap.io.terminal import printable
+
 FIGURE_QUALITY = 78
 """Of 100: the lettering stays clean."""
 
 
 def text(value: object) -> str:
-    """Any value as text that cannot become markup."""
-    return html.escape(str(value), quote=True)
+    """Any value as text that cannot become markup, nor turn the writing beside it."""
+    return html.escape(printable(str(value)), quote=True)
 
 
 def bullets(sentences: Iterable[str]) -> str:

@@ -1,9 +1,13 @@
 """The faults of docs/reliability.md: what counts as wrong, and which cases there are."""
 
 import json
+import os
 import shutil
 
-from benchmarks.reliability import damage, disks, kills
+import numpy as np
+import tifffile
+
+from benchmarks.reliability import damage, disks, inputs, kills
 from benchmarks.reliability.__main__ import measured
 from benchmarks.reliability.projects import Series, differences, running_stage
 
@@ -57,3 +61,40 @@ def test_the_stage_that_was_killed_is_read_from_run_json(tmp_path):
     stages = {"extract": {"status": "done"}, "match": {"status": "running"}}
     (tmp_path / "run.json").write_text(json.dumps({"stages": stages}))
     assert running_stage(tmp_path) == "match"
+
+
+def test_every_bad_input_is_another_folder_or_has_options_and_is_named_once(tmp_path):
+    whats = [row.what for row in inputs.ROWS]
+    assert len(set(whats)) == len(whats)
+    for number, row in enumerate(inputs.ROWS):
+        folder = tmp_path / str(number) / "images"
+        folder.mkdir(parents=True)
+        for k in range(5):
+            image = np.random.default_rng(k).integers(0, 255, (64, 64), np.uint8)
+            image[:, :30] = 0  # an empty background
+            tifffile.imwrite(folder / f"grain_{k:03d}.tif", image)
+        before = contents(folder)
+        options = row.make(folder)
+        assert options or contents(folder) != before, row.what
+
+
+def contents(folder):
+    names = sorted(os.fsencode(p) for p in folder.rglob("*"))
+    return names, [p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()]
+
+
+def test_what_a_terminal_obeys_and_what_is_left_is_found():
+    assert inputs.obeyed("plain\ntext") == []
+    assert inputs.obeyed("a\x1b[2Jb\u202ec") == [r"'\u202e'", r"'\x1b'"]
+    assert inputs.is_left("elsewhere.txt", 0)
+    assert inputs.is_left("p/dense/.fused.ply.part", 0)
+    assert inputs.is_left("p/images/a.png", 2)
+    assert not inputs.is_left("p/images/a.png", 1)
+    assert not inputs.is_left("p/.semsfm.lock", 0)
+
+
+def test_the_sentence_is_the_one_that_names_the_fault():
+    said = "warning: a.tif: cut short. Left out.\nimages: 4\nsemsfm reconstruct: too few\n"
+    assert inputs.sentence(said, "a.tif") == "a.tif: cut short. Left out."
+    assert inputs.sentence(said, "") == "semsfm reconstruct: too few"
+    assert list(inputs.rows([{"what": "x", "said": "", "code": 0}])) == [("x", "nothing", 0)]

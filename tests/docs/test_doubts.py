@@ -24,10 +24,10 @@ def doubts() -> list[set[str]]:
         for node in ast.walk(ast.parse(source.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Name)
-        and node.func.id == "Doubt"
+        and node.func.id in ("Doubt", "Cause")
     ]
     said = [[k.value for k in call.keywords if k.arg in ("title", "sentence")] for call in calls]
-    return [
+    found = [
         words(
             " ".join(
                 str(node.value)
@@ -38,6 +38,7 @@ def doubts() -> list[set[str]]:
         )
         for parts in said
     ]
+    return [one for one in found if one]  # that of a cause has the cause's words
 
 
 def test_every_doubt_has_a_section_and_every_section_is_of_a_doubt():

@@ -111,13 +111,6 @@ def test_without_a_mesh_it_is_one_sentence(project: Path, name: str) -> None:
     assert not (project / "export" / name).exists()
 
 
-@pytest.mark.parametrize("factor", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_scale_that_is_no_scale_is_misuse(project: Path, factor: float) -> None:
-    put_mesh(project, watertight=False)
-    with pytest.raises(UsageError, match="must be positive"):
-        export_project(project, "stl", options=FormatOptions(scale_factor=factor))
-
-
 @BOTH
 def test_the_mesh_of_a_colmap_folder_is_printed_in_units_of_its_model(
     name: str, tmp_path: Path, capsys

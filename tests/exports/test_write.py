@@ -55,17 +55,21 @@ def test_a_skew_that_shows_is_refused_and_one_that_does_not_is_stated(scene, tmp
     export_scene(with_cameras(scene, skew=0.05), "nfh-sem", tmp_path / "c", FormatOptions())
 
 
+def exported(project, name, folder, **given):
+    return export_project(project, name, folder, options=FormatOptions(**given))
+
+
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("given", "message"),
     [
-        (FormatOptions(focal_factor=0.5), "puts the cameras into the specimen"),
-        (FormatOptions(focal_factor=-1.0), "the last 0 or positive"),
-        (FormatOptions(min_float32_focal_factor=2000.0), "no larger than the second"),
+        ({"focal_factor": 0.5}, "puts the cameras into the specimen"),
+        ({"focal_factor": -1.0}, "focal_factor .* is -1.0: give a number of 0 or more"),
+        ({"min_float32_focal_factor": 2000.0}, "give no more than max_float32_focal_factor"),
     ],
 )
-def test_senseless_focal_lengths_are_usage_errors(plain_project, tmp_path, options, message):
+def test_senseless_focal_lengths_are_usage_errors(plain_project, tmp_path, given, message):
     with pytest.raises(UsageError, match=message):
-        export_project(plain_project, "colmap-float32", tmp_path / "out", options=options)
+        exported(plain_project, "colmap-float32", tmp_path / "out", **given)
     assert not (tmp_path / "out").exists()
 
 

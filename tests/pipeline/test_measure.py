@@ -122,9 +122,9 @@ def test_a_number_of_places_that_measures_nothing_is_refused(project, picks):
         semsfm_colmap.measure(project, profile=picks[:1])
 
 
-def test_an_uncertainty_in_percent_is_refused(project, picks):
-    with pytest.raises(UsageError, match=r"pixel_size_sigma=3 but expected a share from 0 to 1"):
-        semsfm_colmap.measure(project, points=picks, options=MetrologyOptions(pixel_size_sigma=3.0))
+def test_an_uncertainty_in_percent_is_refused():
+    with pytest.raises(UsageError, match=r"pixel_size_sigma .* is 3.0: give a number .* below 1"):
+        MetrologyOptions(pixel_size_sigma=3.0)
 
 
 def test_what_another_program_made_is_not_overwritten(tmp_path):

@@ -3,6 +3,7 @@
 import io
 import sys
 import time
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -85,3 +86,29 @@ def test_a_link_in_the_place_of_the_log_is_not_written_through(tmp_path):
     assert other.read_text() == "theirs"
     assert not log.is_symlink()
     assert "ours\\x1b[2J" in log.read_text(encoding="utf-8")
+
+
+def test_in_a_notebook_one_line_below_the_cell_changes_and_goes(monkeypatch):
+    texts = []
+    handle = SimpleNamespace(update=lambda data, raw: texts.append(data["text/plain"]))
+    notebook = ModuleType("IPython")
+    notebook.get_ipython = lambda: SimpleNamespace(kernel=object())
+    shown = ModuleType("IPython.display")
+    shown.display = lambda data, raw, display_id: handle
+    monkeypatch.setitem(sys.modules, "IPython", notebook)
+    monkeypatch.setitem(sys.modules, "IPython.display", shown)
+    monkeypatch.setattr(progress, "SECONDS_IN_NOTEBOOK", 0.02)
+    with progress.display() as show:
+        show("depth maps", 0.4)
+        time.sleep(0.2)
+    assert "depth maps: 40 %" in texts[0]
+    assert texts[-1] == ""
+
+
+def test_a_shell_without_a_kernel_is_no_notebook(monkeypatch):
+    shell = ModuleType("IPython")
+    shell.get_ipython = SimpleNamespace
+    monkeypatch.setitem(sys.modules, "IPython", shell)
+    assert not progress.in_notebook()
+    monkeypatch.delitem(sys.modules, "IPython")
+    assert not progress.in_notebook()

@@ -14,6 +14,7 @@ import pytest
 
 import semsfm_colmap
 from semsfm_colmap.errors import UsageError
+from semsfm_colmap.io.layout import LOCK_FILE
 from semsfm_colmap.io.ply import read_ply_mesh, write_ply
 from semsfm_colmap.pipeline import view as view_module
 from semsfm_colmap.pipeline.view import make_server, view
@@ -155,6 +156,7 @@ def test_nothing_is_written_to_the_project(project, asked):
 def test_what_a_run_leaves_appears_stage_by_stage(small_project, tmp_path):
     path = tmp_path / "p"
     path.mkdir()
+    (path / LOCK_FILE).touch()  # what a run leaves first
     with served(path) as (_, ask):
 
         def layers():
@@ -227,3 +229,9 @@ def test_an_interrupt_from_outside_ends_the_command_without_a_trace(project):
 def test_a_folder_that_is_not_there_is_told(tmp_path):
     with pytest.raises(UsageError, match="not a folder"):
         make_server(tmp_path / "none")
+
+
+def test_a_folder_without_a_project_is_told_at_once(tmp_path):
+    (tmp_path / "a.tif").touch()
+    with pytest.raises(UsageError, match=r"holds no project: give the folder that `semsfm recon"):
+        make_server(tmp_path)

@@ -122,9 +122,6 @@ def test_candidates_are_multiples_of_the_step_within_less_than_a_turn(series):
 @pytest.mark.parametrize(
     ("options", "word"),
     [
-        (NextOptions(num_added=0), "--num_added"),
-        (NextOptions(candidate_step_deg=float("nan")), "--candidate_step_deg"),
-        (NextOptions(max_from_nearest_deg=0.0), "--max_from_nearest_deg"),
         (NextOptions(from_deg=20.0, to_deg=10.0), "--from_deg"),
         (NextOptions(from_deg=11.0, to_deg=12.0), "no multiple"),
     ],

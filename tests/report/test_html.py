@@ -1,4 +1,5 @@
 import re
+import unicodedata
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -35,6 +36,10 @@ NAMES = (
     "<!--<script>.png",
     "<img src=http://example.org/x.png>.png",
 )
+
+
+TURNED = "lost\u202egnp.\x9b2J\x1b[1m.png"
+"""Turned writing, and C1 and C0 sequences."""
 
 
 class Reader(HTMLParser):
@@ -78,7 +83,7 @@ def hostile_page():
     return render(
         make_inputs(
             rec,
-            names=[*NAMES, "lost <i>.png"],
+            names=[*NAMES, "lost <i>.png", TURNED],
             pairs=tuple(pairs),
             notes=("A note <b>with</b> markup & more.",),
             versions={"<u>lib</u>": "1 < 2"},
@@ -98,6 +103,14 @@ def test_names_appear_as_they_are_and_never_as_markup(hostile_page):
     # the data, three.js and the viewer's own scripts
     assert reader.tags.count("script") == 2 + len(SCRIPTS)
     assert "alert(1)</script>.png" not in hostile_page
+
+
+def test_no_name_turns_the_writing_or_holds_a_control_character(hostile_page):
+    reader = read(hostile_page)
+    text = " ".join(reader.text)
+    assert r"lost\u202egnp.\x9b2J\x1b[1m.png" in text
+    left = {c for c in text if unicodedata.category(c) in ("Cc", "Cf")} - {"\n", "\t"}
+    assert not left
 
 
 def test_the_page_asks_for_nothing_from_outside(hostile_page):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from semsfm_colmap.io.layout import SPARSE_FOLDER
 from semsfm_colmap.pipeline.stage import Stage, StageRun, files_in
-from semsfm_colmap.records import ExtractRecord, MapRecord, TrackCounts
+from semsfm_colmap.records import ExtractRecord, MapRecord, MatchRecord, TrackCounts
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,6 +30,7 @@ def run(on: StageRun) -> MapRecord:
     series = project.read_series()
     observations, counts, keypoints = build_observations(project, on.record, config)
     images = {image.name: image for image in read_images(project.database)}
+    matched = on.record.result("match", MatchRecord)
 
     def save(extended: Mapping[str, Float], parts: Sequence[MappedPart]) -> None:
         write_guided(
@@ -43,6 +44,7 @@ def run(on: StageRun) -> MapRecord:
             database_images=images,
             observations=observations,
             counts=counts,
+            remarks=() if matched is None else matched.notes,
         ),
         config,
         on.reporter,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from semsfm_colmap.pipeline.stage import Stage, StageRun
@@ -20,6 +21,7 @@ def run(on: StageRun) -> MatchRecord:
     """Match the pairs that have no matches yet, then verify all."""
     from semsfm_colmap.colmap.database.work import clear_matches, read_images
     from semsfm_colmap.matching.pairs import pairs_around, select_pairs_of_series
+    from semsfm_colmap.matching.statistics import background_note
     from semsfm_colmap.pipeline.stages.matches import match_pairs
 
     project, series = on.project, on.project.read_series()
@@ -40,11 +42,15 @@ def run(on: StageRun) -> MatchRecord:
         (number[p.image_name_1], number[p.image_name_2]) for p in found.pairs if p.failure is None
     ]
     more = sorted(set(pairs_around(verified, series.series_idx)) - set(pairs))
-    if not more:
+    if more:
+        with on.reporter.progress("matching pairs") as progress:
+            match_pairs(on, names, more, progress=progress)
+        found = verify_pairs(on, names, ids, sorted({*pairs, *more}))
+    note = background_note(found.pairs)
+    if note is None:
         return found
-    with on.reporter.progress("matching pairs") as progress:
-        match_pairs(on, names, more, progress=progress)
-    return verify_pairs(on, names, ids, sorted({*pairs, *more}))
+    on.reporter.warn(note)
+    return replace(found, notes=(note,))
 
 
 def predicted_rotation(series: SemSeries) -> Float | None:
