@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.reliability.projects import LOCK, Series, command, differences, fresh, run
+from semsfm_colmap.io.atomic import UNFINISHED
 
 
 def sizes_kb(number: int, least: float = 300.0, most: float = 20_000.0) -> list[int]:
@@ -59,6 +60,7 @@ def fill(series: Series, folder: Path, size_kb: int, *, limit: bool = False) -> 
             if done.returncode != 2 or not named:
                 wrong.append(f"exit code {done.returncode}: {' / '.join(said)[:300]}")
             hidden = [p.name for p in place.rglob(".*") if p.name != LOCK]
+            hidden = [name for name in hidden if not name.endswith(UNFINISHED)]  # gone on with
             wrong += [f"{name} is left" for name in hidden]
         project = fresh(folder / "spacious")
         if (place / "p").is_dir():

@@ -7,6 +7,7 @@ overwritten when the same thing is written again.
 
 from __future__ import annotations
 
+import glob
 import json
 import os
 import shutil
@@ -21,6 +22,9 @@ from semsfm_colmap.io.disk import full_disk_is_said, sync, to_disk
 
 MAX_NAME_BYTES = 200
 """File systems take names of 255 bytes: longer ones than this are cut aside."""
+
+UNFINISHED = ".unfinished"
+"""Ending of folders that a later run goes on with: what ends with .part is removed by the next."""
 
 
 def aside_path(path: Path, suffix: str = ".part", *, shared: bool = False) -> Path:
@@ -80,15 +84,40 @@ def folder_aside(path: Path) -> Iterator[Path]:
     aside = aside_path(path)
     remove(aside)
     try:
-        with full_disk_is_said(path):
-            aside.mkdir(parents=True)
+        with full_disk_is_said(path), _put_in_place(aside, path):
             yield aside
-            to_disk(aside)
-            replace_folder(aside, path)
-            sync(path.parent)
     except BaseException:
         remove(aside)
         raise
+
+
+@contextmanager
+def folder_filled(path: Path, key: str, *, fresh: bool) -> Iterator[Path]:
+    """A folder that takes the place of `path` when the block ends, and is kept aside if it fails.
+
+    For what is made file by file, each worth keeping: the same block goes on after a kill.
+
+    Parameters
+    ----------
+    key : hash of all that shapes the files; what was left of another key is removed
+    fresh : begin with an empty folder, whatever was left
+
+    """
+    aside = aside_path(path, f".{key[:16]}{UNFINISHED}")
+    for left in path.parent.glob(f".{glob.escape(path.name)}.*{UNFINISHED}"):
+        if fresh or left != aside or left.is_symlink():
+            remove(left)
+    with full_disk_is_said(path), _put_in_place(aside, path):
+        yield aside
+
+
+@contextmanager
+def _put_in_place(aside: Path, path: Path) -> Iterator[None]:
+    aside.mkdir(parents=True, exist_ok=True)
+    yield
+    to_disk(aside)
+    replace_folder(aside, path)
+    sync(path.parent)
 
 
 def replace_folder(aside: Path, path: Path) -> None:

@@ -51,11 +51,11 @@ class SurfaceOptions(Checked):
     depth_margin: NotNegative = 0.5
     """The sweep reaches this share of the sparse points' depth range beyond them: spines and rims
     have few points of their own."""
-    sweep_step_px: Positive = 1.0
+    sweep_step_px: Positive = 1.5
     """Parallax between two surfaces of a sweep, in px."""
     sweep_window_radius_px: Count = 2
     """The sweeps correlate windows of 2 r + 1 px."""
-    max_relief_px: Positive = 20.0
+    max_relief_px: Positive = 15.0
     """Depth that details may stand out from the half-size surface, in px of the depth map."""
     window_radius_px: Count = 3
     """The refinement correlates windows of 2 r + 1 px."""

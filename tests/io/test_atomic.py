@@ -11,9 +11,11 @@ import pytest
 
 from semsfm_colmap.errors import UsageError
 from semsfm_colmap.io.atomic import (
+    UNFINISHED,
     aside_path,
     file_aside,
     folder_aside,
+    folder_filled,
     write_bytes,
     write_json,
     write_text,
@@ -59,6 +61,35 @@ def test_a_folder_is_replaced_as_a_whole(tmp_path: Path) -> None:
         write_half(aside / "2")
     assert names(path) == ["1"]
     assert names(tmp_path) == ["maps"]
+
+
+def test_a_folder_that_was_cut_off_goes_on_where_its_key_is_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "maps"
+    found = []
+
+    def note_and_write_half(aside: Path) -> None:
+        found.append(names(aside))
+        write_half(aside / "1")
+
+    for key, fresh in [("a", False), ("a", False), ("a", True), ("b", False)]:
+        with pytest.raises(KeyboardInterrupt), folder_filled(path, key, fresh=fresh) as aside:
+            note_and_write_half(aside)
+        assert not path.exists()
+    assert found == [[], ["1"], [], []]
+    with folder_filled(path, "b", fresh=False) as aside:
+        (aside / "2").touch()
+    assert names(path) == ["1", "2"]
+    assert names(tmp_path) == ["maps"]
+
+
+def test_a_link_planted_for_a_folder_that_was_cut_off_is_not_followed(tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    other.mkdir()
+    aside_path(tmp_path / "maps", f".a{UNFINISHED}").symlink_to(other)
+    with folder_filled(tmp_path / "maps", "a", fresh=False) as aside:
+        (aside / "1").touch()
+    assert names(other) == []
+    assert names(tmp_path / "maps") == ["1"]
 
 
 def test_what_a_killed_process_left_is_no_part_of_the_next_folder(tmp_path: Path) -> None:

@@ -52,6 +52,51 @@ def correlation_cost(
     return out
 
 
+def surface_step(
+    reference: Array,
+    lit: Array,
+    surface: Array,
+    views: Array,
+    slopes: Array,
+    c: Float,
+    window: Int,
+    noise: float,
+    grey_cut: float,
+    spread: float,
+    row: int,
+    column: int,
+) -> tuple[float, float, float]:
+    """Depth, correlation and information of one pixel after a step, with B = 1 and e = 0."""
+    x, y = window[:, 0] + column, window[:, 1] + row
+    z = surface[y, x].astype(float)
+    tukey = np.maximum(1.0 - ((reference[y, x] - reference[row, column]) / grey_cut) ** 2, 0.0) ** 2
+    w = np.where(np.isfinite(z), tukey, 0.0)
+    w /= w.sum()
+    z = np.nan_to_num(z)
+    terms = []
+    for j in range(len(views)):
+        at = [y + c[j, 1] * z, x + c[j, 0] * z]
+        b, g = (
+            map_coordinates(image[j].astype(float), at, order=1, mode="nearest")
+            for image in (views, slopes)
+        )
+        a = lit[j, y, x].astype(float)
+        a, b, g = a - w @ a, b - w @ b, g - w @ g
+        a /= np.sqrt(w @ a**2 + noise**2)
+        norm = np.sqrt(w @ b**2 + noise**2)
+        b, g = b / norm, g / norm
+        g = g - b * (w @ (b * g))
+        terms.append([w @ (a * b), w @ (g * (a - b)), w @ g**2])
+    correlation, numerator, denominator = np.array(terms).T
+    weight = np.maximum(1.0 - (max(correlation.max(), 0.0) - correlation) / spread, 0.0)
+    mean = weight @ correlation / weight.sum()
+    step = weight @ numerator / (weight @ denominator)
+    limit = 0.5 / np.linalg.norm(c, axis=1).max()
+    information = weight @ denominator * 0.5 * len(window) / max(2.0 * (1.0 - mean), 0.02)
+    moved = surface[row, column] + np.clip(step, -limit, limit)
+    return float(moved), float(mean), float(information)
+
+
 def semi_global_sum(cost: Array, grey: Array, p1: int, p2: int, grey_step: float) -> Int:
     """Hirschmueller's recursion, one path after the other: (H, W, D)."""
     H, W, D = cost.shape

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from semsfm_colmap.errors import InputError
-from semsfm_colmap.io.atomic import folder_aside
+from semsfm_colmap.io.atomic import folder_filled
 from semsfm_colmap.io.layout import DENSE_FOLDER
 from semsfm_colmap.pipeline.depth_maps import write_depth_maps
 from semsfm_colmap.pipeline.project import Project
@@ -29,14 +29,16 @@ def run(on: StageRun) -> DensifyRecord:
 
     project, options = on.project, on.config.surface
     reconstruction = project.read_main_model()
-    # the maps are written aside and replace those of an earlier run as a whole
+    # the maps are written aside and replace those of an earlier run as a whole; those that a run
+    # had made when it was cut off are kept
     folder = project.dense / "depth_maps"
     references = choose_references(
         reconstruction.cameras,
         options.max_num_depth_maps,
         np.radians(options.min_reference_angle_deg),
     )
-    with folder_aside(folder) as aside:
+    key = on.record.entry(STAGE.name).key
+    with folder_filled(folder, key, fresh=on.fresh) as aside:
         names = write_depth_maps(on, reconstruction, references, aside, "depth maps")
     with on.reporter.progress("fusing") as progress:
         fused = fuse_depth_maps(

@@ -2,10 +2,10 @@
 
 For each reference image: (1) sweep planes of constant depth at half size, correlate with the
 neighbours, smooth semi-globally: a depth for every pixel, in steps; (2) find the background;
-(3) from half to full size, fit local planes and move each depth by Gauss-Newton on windows that lie
-in these planes, with all neighbours at once, the reference seen in the light of each (`relight`):
-sharp, sub-step, unbiased by slant; (4) drop what no
-neighbour confirms and specks. All maps between images are affine and exact (`views.py`), so nothing
+(3) from half to full size, sweep the surface that local planes make of it, and move each depth by
+Gauss-Newton on windows that lie on such a surface, with all neighbours at once, the reference seen
+in the light of each (`relight`): sharp, sub-step, unbiased by slant; (4) drop what no neighbour
+confirms and specks. All maps between images are affine and exact (`views.py`), so nothing
 is rectified. What single maps cannot know, whether others agree, is left to the fusion.
 """
 

@@ -13,15 +13,15 @@ import numpy as np
 
 from semsfm_colmap.types import Array
 
-_PIECE = 256
+PIECE = 256
 """Pixels of a row whose sums are kept at a time: they stay in the fastest cache."""
 _RIDGE = 0.1
 """px^2 added to the variance of the places: keeps one-sided fits from tilting."""
-_EXACT = {"nsz", "arcp", "contract", "afn", "reassoc"}
+EXACT = {"nsz", "arcp", "contract", "afn", "reassoc"}
 """Fast arithmetic in which nan stays nan: depths that are not there are nan."""
 
 
-@numba.njit(nogil=True, fastmath=_EXACT, cache=True, error_model="numpy")
+@numba.njit(nogil=True, fastmath=EXACT, cache=True, error_model="numpy")
 def local_planes(depth: Array, weight: Array, radius: int, tolerance: float) -> Array:
     """Robust plane through the depths around each pixel.
 
@@ -43,14 +43,14 @@ def local_planes(depth: Array, weight: Array, radius: int, tolerance: float) -> 
     """
     H, W = depth.shape
     out = np.full((3, H, W), np.nan, dtype=np.float32)
-    moments = np.zeros((9, _PIECE), dtype=np.float32)
-    row = np.zeros((5, _PIECE), dtype=np.float32)
-    w = np.zeros(_PIECE, dtype=np.float32)
-    wz = np.zeros(_PIECE, dtype=np.float32)
+    moments = np.zeros((9, PIECE), dtype=np.float32)
+    row = np.zeros((5, PIECE), dtype=np.float32)
+    w = np.zeros(PIECE, dtype=np.float32)
+    wz = np.zeros(PIECE, dtype=np.float32)
     one = np.float32(1.0)
     for y in range(H):
-        for start in range(0, W, _PIECE):
-            first, last = _span(depth[y], start, min(start + _PIECE, W))
+        for start in range(0, W, PIECE):
+            first, last = span(depth[y], start, min(start + PIECE, W))
             if first >= last:
                 continue
             n = last - first
@@ -80,7 +80,7 @@ def local_planes(depth: Array, weight: Array, radius: int, tolerance: float) -> 
 
 
 @numba.njit(nogil=True, cache=True)
-def _span(depth: Array, start: int, end: int) -> tuple[int, int]:
+def span(depth: Array, start: int, end: int) -> tuple[int, int]:
     """The part of a piece of a row in which there are depths."""
     while start < end and not math.isfinite(depth[start]):
         start += 1
@@ -89,7 +89,7 @@ def _span(depth: Array, start: int, end: int) -> tuple[int, int]:
     return start, end
 
 
-@numba.njit(nogil=True, fastmath=_EXACT, cache=True)
+@numba.njit(nogil=True, fastmath=EXACT, cache=True)
 def _select(depth: Array, other: Array, weight: Array, bound: float, w: Array, wz: Array) -> None:
     """The weights of the neighbours at one offset, and their products with dz, in place."""
     zero = np.float32(0.0)
@@ -100,13 +100,13 @@ def _select(depth: Array, other: Array, weight: Array, bound: float, w: Array, w
         wz[x] = weight[x] * dz if inside else zero
 
 
-@numba.njit(nogil=True, fastmath=_EXACT, cache=True)
+@numba.njit(nogil=True, fastmath=EXACT, cache=True)
 def _add(to: Array, factor: float, values: Array) -> None:
     for x in range(len(to)):
         to[x] += factor * values[x]
 
 
-@numba.njit(nogil=True, fastmath=_EXACT, cache=True)
+@numba.njit(nogil=True, fastmath=EXACT, cache=True)
 def _add_row(moments: Array, row: Array, dy: float) -> None:
     """Sums over the window from those over one of its rows, in place.
 
@@ -125,7 +125,7 @@ def _add_row(moments: Array, row: Array, dy: float) -> None:
     _add(moments[8], dy, row[3])
 
 
-@numba.njit(nogil=True, fastmath=_EXACT, cache=True, error_model="numpy")
+@numba.njit(nogil=True, fastmath=EXACT, cache=True, error_model="numpy")
 def _solve(moments: Array, depth: Array, out: Array) -> None:
     """Planes from the sums, in place."""
     one, zero, ridge = np.float32(1.0), np.float32(0.0), np.float32(_RIDGE)

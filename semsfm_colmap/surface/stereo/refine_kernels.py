@@ -1,21 +1,27 @@
-"""Compiled kernel that sharpens a depth map: Gauss-Newton on slanted windows."""
+"""Compiled kernel that sharpens a depth map: Gauss-Newton on windows of the surface."""
 
 from __future__ import annotations
-
-import math
 
 import numba
 import numpy as np
 
+from semsfm_colmap.surface.stereo.plane_kernels import EXACT, PIECE, span
+from semsfm_colmap.surface.stereo.warp_kernels import (
+    row_cells,
+    row_places,
+    row_usable,
+    row_values,
+)
 from semsfm_colmap.types import Array
 
 
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
-def slanted_step(
+def surface_step(
     reference: Array,
     lit: Array,
-    plane: Array,
+    surface: Array,
     views: Array,
+    slopes: Array,
     view_usable: Array,
     B: Array,
     c: Array,
@@ -26,205 +32,222 @@ def slanted_step(
     grey_cut: float,
     spread: float,
     smoothness: float,
-    stride: int,
     depth: Array,
     score: Array,
     information: Array,
 ) -> None:
     """One Gauss-Newton step of every pixel's depth, in place.
 
-    The window is a patch of the plane ``z + p dx + q dy``; neighbour j sees it through the affine
-    map ``B + c (p, q)^T``. With a and b the weighted, centred and normalised greys of reference and
-    neighbour, minimise over z ``sum_j w_j |a - b_j(z)|^2``, where ``db/dz = (I - b b^T) G / norm``
-    and G is the change of the neighbour's grey with depth. Samples whose grey differs from the
-    centre's by `grey_cut` do not count (Yoon and Kweon 2006, with Tukey's weight): the window keeps
-    to the centre's surface. A neighbour's weight falls with its correlation, to nothing at `spread`
-    below the best one's: an occluded neighbour does not count. The step is shortened as if the
-    local plane had predicted the depth with the information `smoothness`.
+    The neighbours are resampled into the reference's grid over the surface z, each pixel at its own
+    depth, and a window moves as a whole. With a and b the weighted, centred and normalised greys of
+    reference and neighbour, minimise over the offset of the window ``sum_j w_j |a - b_j|^2``, where
+    ``db/dz = (I - b b^T) G / norm`` and G is the change of the neighbour's grey with depth. Samples
+    whose grey differs from the centre's by `grey_cut` do not count (Yoon and Kweon 2006, with
+    Tukey's weight): the window keeps to the centre's surface. A neighbour's weight falls with its
+    correlation, to nothing at `spread` below the best one's: an occluded neighbour does not count.
+    The step is shortened as if the surface had been known with the information `smoothness`.
+
+    Everything follows from the nine sums ``sum w (a, b, G, a^2, b^2, G^2, a b, a G, b G)`` over a
+    window, which run over a piece of a row at a time, one sample after the other.
 
     Parameters
     ----------
     reference : (H, W) float32
     lit : (V, H, W) float32, the reference in the light of each neighbour (`relight`)
-    plane : (3, H, W) from `plane_kernels.local_planes`
-    views : (V, H', W', 2) float32, grey and its change with depth
+    surface : (H, W) float32, the depths to start from, nan where there are none
+    views, slopes : (V, H', W') float32, grey and its change with depth
     view_usable : (V, H', W') uint8
     B, c, e : the maps of `AffineSweep`
     window, window_weight : (K, 2) int64 offsets of the window's samples, (K,) float32
     noise : (1 + V,) deviations
-    stride : pixels with ``(x + y) % stride == 0`` are moved; the others get the depth of their
-        plane and the score 0, with which they have no say in the next planes
-    depth, score : (H, W) float32, overwritten: depth and mean correlation
+    depth, score : (H, W) float32, overwritten: depth and mean correlation, nan and 0 where nothing
+        is known, and at the border, where windows do not fit
     information : (H, W) float32, overwritten: inverse variance of the depth by the windows alone,
         per world unit squared; zero where no neighbour counts
 
     """
     H, W = reference.shape
-    V, Hj, Wj = views.shape[:3]
-    count = len(window)
+    V, Hj, Wj = views.shape
     reach = np.abs(window).max()
-    offset = window.astype(np.float32)
-    weight = np.zeros(count, dtype=np.float32)
-    a = np.zeros(count, dtype=np.float32)
-    b = np.zeros(count, dtype=np.float32)
-    g = np.zeros(count, dtype=np.float32)
-    map_j = np.zeros(6, dtype=np.float32)
-    terms = np.zeros((V, 3), dtype=np.float32)
-    max_step = 0.5 / np.sqrt((c * c).sum(axis=1).max())
+    size = 2 * reach + 1
+    depth[:] = np.nan
+    score[:] = 0.0
+    information[:] = 0.0
+    known, filled = _known(surface)
+    u, v = np.zeros(W, dtype=np.float32), np.zeros(W, dtype=np.float32)
+    at, corner = np.zeros(W, dtype=np.uint32), np.zeros((4, W), dtype=np.float32)
+    grey, slope = np.zeros((V, size, W), np.float32), np.zeros((V, size, W), np.float32)
+    seen = np.zeros((V, size, W), dtype=np.float32)
+    weight = np.zeros((len(window), PIECE), dtype=np.float32)
+    total = np.zeros(PIECE, dtype=np.float32)
+    sums = np.zeros((9, PIECE), dtype=np.float32)
+    terms = np.zeros((V, 3, PIECE), dtype=np.float32)
+    max_step = np.float32(0.5 / np.sqrt((c * c).sum(axis=1).max()))
     for y in range(H):
-        for x in range(W):
-            z, p, q = plane[0, y, x], plane[1, y, x], plane[2, y, x]
-            information[y, x] = 0.0
-            if not math.isfinite(z):
-                depth[y, x] = np.nan
-                score[y, x] = 0.0
+        slot = y % size
+        for j in range(V):
+            row_places(B[j], c[j], e[j], filled[y], y, u, v)
+            row_cells(u, v, Hj, Wj, reach, at, seen[j, slot])
+            row_usable(view_usable[j], at, seen[j, slot])
+            row_values(views[j], at, u, v, corner, grey[j, slot])
+            row_values(slopes[j], at, u, v, corner, slope[j, slot])
+        yc = y - reach
+        if yc < reach:
+            continue
+        for start in range(reach, W - reach, PIECE):
+            first, last = span(surface[yc], start, min(start + PIECE, W - reach))
+            if first >= last:
                 continue
-            if (x + y) % stride != 0:
-                depth[y, x] = z
-                score[y, x] = 0.0
-                continue
-            _window_weights(reference, x, y, window, window_weight, grey_cut, weight)
+            n = last - first
+            total[:n] = np.float32(1e-12)
+            for k in range(len(window)):
+                dx, dy = window[k]
+                near = slice(first + dx, last + dx)
+                _window_weight(
+                    reference[yc, first:last],
+                    reference[yc + dy, near],
+                    known[yc + dy, near],
+                    np.float32(1.0 / grey_cut),
+                    window_weight[k],
+                    weight[k, :n],
+                    total[:n],
+                )
+            for k in range(len(window)):
+                _divide(weight[k, :n], total[:n])
             for j in range(V):
-                u = B[j, 0, 0] * (x + 0.5) + B[j, 0, 1] * (y + 0.5) + c[j, 0] * z + e[j, 0] - 0.5
-                v = B[j, 1, 0] * (x + 0.5) + B[j, 1, 1] * (y + 0.5) + c[j, 1] * z + e[j, 1] - 0.5
-                terms[j, 0] = -2.0
-                terms[j, 1] = terms[j, 2] = 0.0
-                if not (reach <= u < Wj - 1 - reach and reach <= v < Hj - 1 - reach):
-                    continue
-                if view_usable[j, int(v), int(u)] == 0:
-                    continue
-                map_j[0], map_j[1] = B[j, 0, 0] + c[j, 0] * p, B[j, 0, 1] + c[j, 0] * q
-                map_j[2], map_j[3] = B[j, 1, 0] + c[j, 1] * p, B[j, 1, 1] + c[j, 1] * q
-                map_j[4], map_j[5] = u, v
-                _reference_window(lit[j], x, y, window, weight, noise[0], a)
-                view_terms(views[j], map_j, offset, weight, a, noise[1 + j], b, g, terms[j])
+                sums[:, :n] = np.float32(0.0)
+                for k in range(len(window)):
+                    dx, dy = window[k]
+                    near = slice(first + dx, last + dx)
+                    row = (yc + dy) % size
+                    _add_sample(
+                        weight[k, :n], lit[j, yc + dy, near], grey[j, row, near],
+                        slope[j, row, near], sums[0], sums[1], sums[2], sums[3], sums[4], sums[5],
+                        sums[6], sums[7], sums[8],
+                    )  # fmt: skip
+                view_terms(sums, seen[j, yc % size, first:last], noise[0], noise[1 + j], terms[j])
+            _move(
+                terms,
+                filled[yc, first:last],
+                known[yc, first:last],
+                np.float32(0.5 * len(window)),
+                np.float32(spread),
+                np.float32(smoothness),
+                max_step,
+                depth[yc, first:last],
+                score[yc, first:last],
+                information[yc, first:last],
+            )
 
-            best = max(terms[:, 0].max(), 0.0)
-            sum_w = mean_ncc = numerator = denominator = 0.0
-            for j in range(V):
-                w = max(1.0 - (best - terms[j, 0]) / spread, 0.0)
-                sum_w += w
-                mean_ncc += w * terms[j, 0]
-                numerator += w * terms[j, 1]
-                denominator += w * terms[j, 2]
-            if sum_w <= 0.0:
-                depth[y, x] = np.nan
-                score[y, x] = 0.0
-                continue
-            mean_ncc /= sum_w
-            # 2 (1 - ncc) is the mean squared difference of normalised greys; about half of the
-            # window's samples are independent
-            known = denominator * 0.5 * count / max(2.0 * (1.0 - mean_ncc), 0.02)
-            step = numerator / (denominator + 1e-12)
-            step = min(max(step, -max_step), max_step)
-            depth[y, x] = z + step * known / (known + smoothness + 1e-12)
-            score[y, x] = mean_ncc
-            information[y, x] = known
+
+@numba.njit(nogil=True, fastmath=EXACT, cache=True)
+def _known(surface: Array) -> tuple[Array, Array]:
+    """1 where a depth is known and 0 elsewhere, and the depths with 0 where there are none."""
+    known = np.isfinite(surface).astype(np.float32)
+    return known, np.where(known > 0, surface, np.float32(0.0))
 
 
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
-def _window_weights(
-    reference: Array,
-    x: int,
-    y: int,
-    window: Array,
-    window_weight: Array,
-    grey_cut: float,
+def _window_weight(
+    centre: Array,
+    other: Array,
+    known: Array,
+    inverse_cut: float,
+    share: float,
     weight: Array,
+    total: Array,
 ) -> None:
-    """Weights of a window's samples that sum to one, in place."""
-    H, W = reference.shape
-    centre = reference[y, x]
-    total = np.float32(0.0)
-    inv_cut = np.float32(1.0 / grey_cut)
-    for k in range(len(window)):
-        xx, yy = x + window[k, 0], y + window[k, 1]
-        weight[k] = 0.0
-        if 0 <= xx < W and 0 <= yy < H:
-            t = (reference[yy, xx] - centre) * inv_cut
-            w = max(np.float32(1.0) - t * t, np.float32(0.0))
-            weight[k] = w * w * window_weight[k]
-            total += weight[k]
-    for k in range(len(window)):
-        weight[k] /= total
+    """Weights of one sample of the windows of a piece of a row, in place, and their totals."""
+    one, zero = np.float32(1.0), np.float32(0.0)
+    for x in range(len(centre)):
+        t = (other[x] - centre[x]) * inverse_cut
+        w = max(one - t * t, zero)
+        weight[x] = w * w * share * known[x]
+        total[x] += weight[x]
 
 
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
-def _reference_window(
-    grey: Array, x: int, y: int, window: Array, weight: Array, noise: float, a: Array
-) -> None:
-    """Centred greys of unit norm, in place; samples beyond the border have no weight."""
-    H, W = grey.shape
-    mean = power = np.float32(0.0)
-    for k in range(len(window)):
-        xx = min(max(x + window[k, 0], 0), W - 1)
-        yy = min(max(y + window[k, 1], 0), H - 1)
-        a[k] = grey[yy, xx]
-        mean += weight[k] * a[k]
-    for k in range(len(window)):
-        a[k] -= mean
-        power += weight[k] * a[k] * a[k]
-    norm = np.float32(1.0 / math.sqrt(power + noise * noise))
-    for k in range(len(window)):
-        a[k] *= norm
+def _divide(weight: Array, total: Array) -> None:
+    for x in range(len(weight)):
+        weight[x] /= total[x]
 
 
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
-def view_terms(
-    view: Array,
-    affine: Array,
-    offset: Array,
-    weight: Array,
-    a: Array,
-    noise: float,
-    b: Array,
-    g: Array,
+def _add_sample(
+    weight: Array, a: Array, b: Array, g: Array,
+    sa: Array, sb: Array, sg: Array, saa: Array, sbb: Array, sgg: Array,
+    sab: Array, sag: Array, sbg: Array,
+) -> None:  # fmt: skip
+    """Add one sample of the windows of a piece of a row to the sums over them, in place."""
+    for x in range(len(weight)):
+        wa, wb, wg = weight[x] * a[x], weight[x] * b[x], weight[x] * g[x]
+        sa[x] += wa
+        sb[x] += wb
+        sg[x] += wg
+        saa[x] += wa * a[x]
+        sbb[x] += wb * b[x]
+        sgg[x] += wg * g[x]
+        sab[x] += wa * b[x]
+        sag[x] += wa * g[x]
+        sbg[x] += wb * g[x]
+
+
+@numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
+def view_terms(sums: Array, seen: Array, noise_a: float, noise_b: float, terms: Array) -> None:
+    """Correlation, and numerator and denominator of the step, of one neighbour, in place.
+
+    Of the centred sums; the correlation is -2 where the neighbour does not see the pixel.
+    """
+    zero, one = np.float32(0.0), np.float32(1.0)
+    more_a, more_b = np.float32(noise_a * noise_a), np.float32(noise_b * noise_b)
+    for x in range(len(seen)):
+        a, b, g = sums[0, x], sums[1, x], sums[2, x]
+        aa, bb = max(sums[3, x] - a * a, zero), max(sums[4, x] - b * b, zero)
+        gg = max(sums[5, x] - g * g, zero)
+        ab, ag, bg = sums[6, x] - a * b, sums[7, x] - a * g, sums[8, x] - b * g
+        inverse_a = one / np.sqrt(aa + more_a)
+        inverse_b2 = one / (bb + more_b)
+        inverse = inverse_a * np.sqrt(inverse_b2)
+        along = bg * inverse_b2
+        terms[0, x] = seen[x] * (ab * inverse + np.float32(2.0)) - np.float32(2.0)
+        terms[1, x] = seen[x] * ((ag - ab * along) * inverse - (bg - bb * along) * inverse_b2)
+        terms[2, x] = seen[x] * max(gg - along * (bg + bg - bb * along), zero) * inverse_b2
+
+
+@numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
+def _move(
     terms: Array,
+    surface: Array,
+    known: Array,
+    half_count: float,
+    spread: float,
+    smoothness: float,
+    max_step: float,
+    depth: Array,
+    score: Array,
+    information: Array,
 ) -> None:
-    """Correlation, and numerator and denominator of the Gauss-Newton step, of one neighbour."""
-    last_u = np.float32(view.shape[1] - 1.01)
-    last_v = np.float32(view.shape[0] - 1.01)
-    zero, one, right = np.float32(0.0), np.float32(1.0), np.uint32(1)
-    mean_b = mean_g = zero
-    for k in range(len(weight)):
-        u = affine[4] + affine[0] * offset[k, 0] + affine[1] * offset[k, 1]
-        v = affine[5] + affine[2] * offset[k, 0] + affine[3] * offset[k, 1]
-        u = min(max(u, zero), last_u)
-        v = min(max(v, zero), last_v)
-        iu, iv = np.uint32(u), np.uint32(v)
-        fu, fv = u - np.float32(iu), v - np.float32(iv)
-        ju, jv = iu + right, iv + right
-        w11 = fu * fv
-        w01 = fu - w11
-        w10 = fv - w11
-        w00 = one - fu - w10
-        b[k] = (
-            w00 * view[iv, iu, 0]
-            + w01 * view[iv, ju, 0]
-            + w10 * view[jv, iu, 0]
-            + w11 * view[jv, ju, 0]
-        )
-        g[k] = (
-            w00 * view[iv, iu, 1]
-            + w01 * view[iv, ju, 1]
-            + w10 * view[jv, iu, 1]
-            + w11 * view[jv, ju, 1]
-        )
-        mean_b += weight[k] * b[k]
-        mean_g += weight[k] * g[k]
-    power = cross = zero
-    for k in range(len(weight)):
-        b[k] -= mean_b
-        g[k] -= mean_g
-        power += weight[k] * b[k] * b[k]
-        cross += weight[k] * b[k] * g[k]
-    norm = np.float32(1.0 / math.sqrt(power + noise * noise))
-    cross *= norm * norm
-    correlation = numerator = denominator = zero
-    for k in range(len(weight)):
-        bk = b[k] * norm
-        gk = g[k] * norm - bk * cross
-        correlation += weight[k] * a[k] * bk
-        numerator += weight[k] * gk * (a[k] - bk)
-        denominator += weight[k] * gk * gk
-    terms[0], terms[1], terms[2] = correlation, numerator, denominator
+    """The step of a piece of a row by what all neighbours say, in place."""
+    zero, one, tiny = np.float32(0.0), np.float32(1.0), np.float32(1e-12)
+    for x in range(len(surface)):
+        best = zero
+        for j in range(len(terms)):
+            best = max(best, terms[j, 0, x])
+        total = correlation = numerator = denominator = zero
+        for j in range(len(terms)):
+            w = max(one - (best - terms[j, 0, x]) / spread, zero)
+            total += w
+            correlation += w * terms[j, 0, x]
+            numerator += w * terms[j, 1, x]
+            denominator += w * terms[j, 2, x]
+        if known[x] == zero or total <= zero:
+            continue
+        correlation /= total
+        # 2 (1 - ncc) is the mean squared difference of normalised greys; about half of the
+        # window's samples are independent
+        difference = max(np.float32(2.0) * (one - correlation), np.float32(0.02))
+        info = denominator * half_count / difference
+        step = min(max(numerator / (denominator + tiny), -max_step), max_step)
+        depth[x] = surface[x] + step * info / (info + smoothness + tiny)
+        score[x] = correlation
+        information[x] = info

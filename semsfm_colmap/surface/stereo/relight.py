@@ -33,7 +33,7 @@ better up to 2, grains are indifferent from 1 to 2."""
 GAIN_OVER_SHOWN = 5.0
 """The gain over the share of the change that the neighbours show: the depths have already taken up
 most of it by giving way. Rendered fields and grains show 0.15 to 0.8, smooth shapes below 0.03."""
-_SAMPLING_PX = 2
+_SAMPLING_PX = 4
 _WINDOW_PX = 22
 """Changes over longer ways than this do not count for the gain."""
 _OUTLIER = 3.0

@@ -15,21 +15,25 @@ import numpy as np
 
 from semsfm_colmap.types import Array
 
+_PAD = 10_000
+"""More than any path costs, a label's cost and P2: 16-bit integers hold it and are quick."""
+
 
 @numba.njit(nogil=True, fastmath=True, cache=True, inline="always")
 def _step(cost: Array, before: Array, now: Array, total: Array, p1: int, p2: int) -> None:
     """One pixel of one path. `before`, `now`: D + 2 costs padded at the ends, then the least."""
     D = len(cost)
     low = before[D + 2]
-    jump = low + p2
-    smallest = np.int32(1 << 20)
+    step, jump = np.int16(p1), np.int16(low + p2)
+    smallest = np.int16(_PAD)
     for d in range(D):
         value = min(before[d + 1], jump)
-        value = min(value, before[d] + p1)
-        value = min(value, before[d + 2] + p1)
-        value += cost[d] - low
+        value = min(value, np.int16(before[d] + step))
+        value = min(value, np.int16(before[d + 2] + step))
+        value = np.int16(value + np.int16(cost[d]))
+        value = np.int16(value - low)
         now[d + 1] = value
-        total[d] += value
+        total[d] = np.uint16(total[d] + np.uint16(value))
         smallest = min(smallest, value)
     now[D + 2] = smallest
 
@@ -39,10 +43,10 @@ def semi_global_sum(cost: Array, grey: Array, p1: int, p2: int, grey_step: float
     """Sum of the eight path costs: (H, W, D) uint8, (H, W) float32 -> (H, W, D) uint16."""
     H, W, D = cost.shape
     total = np.zeros((H, W, D), dtype=np.uint16)
-    pad = np.int32(1 << 20)
+    pad = np.int16(_PAD)
     # paths: 0 along the row, 1-3 from the previous row's left, same and right neighbour
-    along = np.full((2, D + 3), pad, dtype=np.int32)
-    rows = np.full((2, 3, W + 2, D + 3), pad, dtype=np.int32)
+    along = np.full((2, D + 3), pad, dtype=np.int16)
+    rows = np.full((2, 3, W + 2, D + 3), pad, dtype=np.int16)
     for direction in (1, -1):
         rows[:, :, :, 1 : D + 3] = 0
         rows[:, :, :, D + 1] = pad

@@ -7,10 +7,18 @@ import math
 import numba
 import numpy as np
 
+from semsfm_colmap.surface.stereo.warp_kernels import (
+    row_cells,
+    row_places,
+    row_usable,
+    row_values,
+)
 from semsfm_colmap.types import Array
 
 MAX_COST = 100
 """Cost of no correlation; ``cost = MAX_COST (1 - max(ncc, 0))``."""
+LANES = 16
+"""A pixel's costs fill whole vectors of so many 16-bit integers: half the time of `sgm_kernels`."""
 _BLOCK = 8
 """Planes computed before they are written to the volume, where a pixel's planes are neighbours."""
 
@@ -51,7 +59,8 @@ def correlation_volume(
 
     Returns
     -------
-    (H, W, D) uint8, MAX_COST at the border and where no neighbour sees the point
+    (H, W, D') uint8, MAX_COST at the border and where no neighbour sees the point, and at the end
+    of each pixel's costs, which D' >= D makes a multiple of LANES
 
     """
     H, W = reference.shape
@@ -59,7 +68,7 @@ def correlation_volume(
     D = len(offsets)
     size = 2 * radius + 1
     inv_n = np.float32(1.0 / (size * size))
-    cost = np.full((H, W, D), MAX_COST, dtype=np.uint8)
+    cost = np.full((H, W, D + -D % LANES), MAX_COST, dtype=np.uint8)
 
     mean_r = np.zeros((H, W), dtype=np.float32)
     inv_r = np.zeros((H, W), dtype=np.float32)
@@ -69,7 +78,7 @@ def correlation_volume(
     u = np.zeros(W, dtype=np.float32)
     v = np.zeros(W, dtype=np.float32)
     at = np.zeros(W, dtype=np.uint32)
-    corner = np.zeros((5, W), dtype=np.float32)
+    corner = np.zeros((4, W), dtype=np.float32)
     ring = np.zeros((size, 3, W), dtype=np.float32)
     seen = np.zeros((size, W), dtype=np.float32)
     sums = np.zeros((6, W), dtype=np.float32)
@@ -84,18 +93,11 @@ def correlation_volume(
             shift = c[j] * offsets[k] + e[j]
             for y in range(H):
                 slot = y % size
-                _places(B[j], c[j], shift, base[y], y, u, v)
-                _warp_row(
-                    views[j],
-                    view_usable[j],
-                    u,
-                    v,
-                    reference[y],
-                    at,
-                    corner,
-                    ring[slot],
-                    seen[slot],
-                )
+                row_places(B[j], c[j], shift, base[y], y, u, v)
+                row_cells(u, v, views.shape[1], views.shape[2], 0, at, seen[slot])
+                row_usable(view_usable[j], at, seen[slot])
+                row_values(views[j], at, u, v, corner, ring[slot, 0])
+                _products(ring[slot, 0], reference[y], ring[slot, 1], ring[slot, 2])
                 if y >= 2 * radius:
                     yc = y - radius
                     _window_sums(ring, sums, radius)
@@ -119,69 +121,19 @@ def correlation_volume(
 
 
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
-def _places(B: Array, c: Array, shift: Array, base: Array, y: int, u: Array, v: Array) -> None:
-    """Where a neighbour sees one row of the reference's pixels, in place."""
-    u0 = np.float32(B[0, 0] * 0.5 + B[0, 1] * (y + 0.5) + shift[0] - 0.5)
-    v0 = np.float32(B[1, 0] * 0.5 + B[1, 1] * (y + 0.5) + shift[1] - 0.5)
-    du, dv = np.float32(B[0, 0]), np.float32(B[1, 0])
-    cu, cv = np.float32(c[0]), np.float32(c[1])
-    for x in range(len(u)):
-        u[x] = u0 + du * np.float32(x) + cu * base[x]
-        v[x] = v0 + dv * np.float32(x) + cv * base[x]
-
-
-@numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
-def _warp_row(
-    view: Array,
-    usable: Array,
-    u: Array,
-    v: Array,
-    reference: Array,
-    at: Array,
-    corner: Array,
-    ring: Array,
-    seen: Array,
-) -> None:
-    """Greys w of a neighbour at the places of one row, bilinear: w, w^2 and w r, in place.
-
-    Three loops, of which only the one that fetches the four corners is not vectorised. `u` and `v`
-    become the fractions of the places; `at`, `corner` are room for what lies between the loops.
-    """
-    last_u = np.float32(view.shape[1] - 1.01)
-    last_v = np.float32(view.shape[0] - 1.01)
-    width, zero, right = np.int32(view.shape[1]), np.float32(0.0), np.uint32(1)
-    above, mask = view.reshape(-1), usable.reshape(-1)
-    below = above[view.shape[1] :]
-    for x in range(len(u)):
-        free_u, free_v = u[x], v[x]
-        uu = min(max(free_u, zero), last_u)
-        vv = min(max(free_v, zero), last_v)
-        seen[x] = np.float32((uu == free_u) & (vv == free_v))
-        iu, iv = np.int32(uu), np.int32(vv)
-        u[x], v[x] = uu - np.float32(iu), vv - np.float32(iv)
-        at[x] = np.uint32(iv * width + iu)
-    w00, w01, w10, w11, usable_at = corner[0], corner[1], corner[2], corner[3], corner[4]
-    for x in range(len(u)):
-        i = at[x]
-        w00[x], w01[x] = above[i], above[i + right]
-        w10[x], w11[x] = below[i], below[i + right]
-        usable_at[x] = mask[i]
-    grey, square, product = ring[0], ring[1], ring[2]
-    for x in range(len(u)):
-        top = w00[x] + u[x] * (w01[x] - w00[x])
-        low = w10[x] + u[x] * (w11[x] - w10[x])
-        w = top + v[x] * (low - top)
-        seen[x] *= min(usable_at[x], np.float32(1.0))
-        grey[x] = w
-        square[x] = w * w
-        product[x] = w * reference[x]
+def _products(grey: Array, reference: Array, square: Array, product: Array) -> None:
+    """w^2 and w r of one row of the greys w of a neighbour, in place."""
+    for x in range(len(grey)):
+        square[x] = grey[x] * grey[x]
+        product[x] = grey[x] * reference[x]
 
 
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")
 def _window_sums(ring: Array, sums: Array, radius: int) -> None:
     """Sums of w, w^2 and w r over the windows of one row: first columns, then along the row.
 
-    ``sums[:3]`` holds those of the columns; ``sums[3:, x]`` is of the window that begins at x.
+    ``sums[:3]`` holds those of the columns; ``sums[3:, x]`` is of the window that begins at x. Each
+    loop adds two rows, or two columns: half the writing.
     """
     W = sums.shape[1]
     for m in range(3):
@@ -189,16 +141,16 @@ def _window_sums(ring: Array, sums: Array, radius: int) -> None:
         first = ring[0, m]
         for x in range(W):
             column[x] = first[x]
-        for i in range(1, 2 * radius + 1):
-            row = ring[i, m]
+        for i in range(1, 2 * radius + 1, 2):
+            row, next_row = ring[i, m], ring[i + 1, m]
             for x in range(W):
-                column[x] += row[x]
+                column[x] += row[x] + next_row[x]
         for x in range(W - 2 * radius):
             window[x] = column[x]
-        for i in range(1, 2 * radius + 1):
-            right = column[i:]
+        for i in range(1, 2 * radius + 1, 2):
+            right, next_right = column[i:], column[i + 1 :]
             for x in range(W - 2 * radius):
-                window[x] += right[x]
+                window[x] += right[x] + next_right[x]
 
 
 @numba.njit(nogil=True, fastmath=True, cache=True, error_model="numpy")

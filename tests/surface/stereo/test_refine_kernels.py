@@ -1,22 +1,16 @@
-"""Gauss-Newton steps, against closed forms and derivatives."""
+"""Gauss-Newton steps, against a plain one, closed forms and derivatives."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from semsfm_colmap.surface.stereo.refine_kernels import slanted_step, view_terms
+from semsfm_colmap.surface.stereo.plane_kernels import local_planes
+from semsfm_colmap.surface.stereo.refine_kernels import surface_step, view_terms
 from semsfm_colmap.types import Array, Float
+from tests.oracles import surface as oracle
 
-
-def terms_at(shift: float, image: Array, window: Float, weight: Array, a: Array) -> Float:
-    gradient = np.gradient(image.astype(float), axis=1)
-    view = np.ascontiguousarray(np.stack([image, gradient], axis=-1).astype(np.float32))
-    affine = np.array([1.02, 0.01, -0.02, 0.99, 20.0 + shift, 15.0], dtype=np.float32)
-    terms = np.zeros(3, dtype=np.float32)
-    buffers = np.zeros((2, len(window)), dtype=np.float32)
-    view_terms(view, affine, window, weight, a, 0.0, buffers[0], buffers[1], terms)
-    return terms.astype(float)
+WINDOW = np.array([(i, j) for j in range(-3, 4) for i in range(-3, 4)])
 
 
 def stereo_pair(true_depth: float) -> dict[str, Array]:
@@ -28,64 +22,93 @@ def stereo_pair(true_depth: float) -> dict[str, Array]:
         return (25.0 * waves).astype(np.float32)
 
     c = np.array([[0.3, 0.0], [-0.3, 0.05]])
-    grey = texture(x, y)
-    views = []
-    for k in range(2):
-        view = texture(x - c[k, 0] * true_depth, y - c[k, 1] * true_depth)
-        slope = c[k, 0] * np.gradient(view, axis=1) + c[k, 1] * np.gradient(view, axis=0)
-        views.append(np.stack([view, slope], axis=-1))
-    return {"grey": grey, "views": np.stack(views).astype(np.float32), "c": c}
+    views = [texture(x - k[0] * true_depth, y - k[1] * true_depth) for k in c]
+    return {"grey": texture(x, y), "views": np.stack(views).astype(np.float32), "c": c}
+
+
+def slopes_of(views: Array, c: Float) -> Array:
+    """Change of each view's grey with depth."""
+    slopes = [
+        k[0] * np.gradient(v, axis=1) + k[1] * np.gradient(v, axis=0)
+        for k, v in zip(c, views, strict=True)
+    ]
+    return np.stack(slopes).astype(np.float32)
+
+
+def stepped(
+    grey: Array,
+    views: Array,
+    c: Float,
+    surface: Array,
+    *,
+    window: Array = WINDOW,
+    noise: float = 0.3,
+    grey_cut: float = 500.0,
+    lit: Array | None = None,
+) -> tuple[Array, Array, Array]:
+    """Depth, score and information after one step from a surface, with unit windows."""
+    num, shape = len(views), grey.shape
+    depth, score, information = (np.ones(shape, dtype=np.float32) for _ in range(3))
+    surface_step(
+        grey, np.stack([grey] * num) if lit is None else lit, surface, views, slopes_of(views, c),
+        np.ones(views.shape, np.uint8), np.tile(np.eye(2), (num, 1, 1)), c, np.zeros((num, 2)),
+        window, np.ones(len(window), np.float32), np.full(1 + num, noise), grey_cut, 0.4, 0.0,
+        depth, score, information,
+    )  # fmt: skip
+    return depth, score, information
+
+
+def planes_of(depth: Array) -> Array:
+    """What the next step starts from: without it, roughness finer than the window would stay."""
+    return np.asarray(local_planes(depth, np.ones_like(depth), 3, 1.0)[0])
+
+
+def test_a_step_is_that_of_the_plain_one() -> None:
+    rng = np.random.default_rng(8)
+    pair = stereo_pair(5.0)
+    y, x = np.mgrid[0:40, 0:60]
+    surface = (5.0 + 0.05 * x - 0.03 * y + rng.normal(0, 0.1, (40, 60))).astype(np.float32)
+    surface[12:16, 20:24] = np.nan
+    lit = np.stack([pair["grey"] * 1.1, pair["grey"] + 0.5 * x]).astype(np.float32)
+    found = stepped(pair["grey"], pair["views"], pair["c"], surface, grey_cut=40.0, lit=lit)
+    for row, column in [(8, 30), (14, 18), (20, 25), (30, 40)]:
+        expected = oracle.surface_step(
+            pair["grey"], lit, surface, pair["views"], slopes_of(pair["views"], pair["c"]),
+            pair["c"], WINDOW, 0.3, 40.0, 0.4, row, column,
+        )  # fmt: skip
+        np.testing.assert_allclose([f[row, column] for f in found], expected, rtol=2e-3)
 
 
 def test_the_gauss_newton_terms_are_the_derivatives_of_the_correlation() -> None:
-    # slow waves, so that interpolation and the image's gradient agree
-    y, x = np.mgrid[0:31, 0:41].astype(float)
-    image = (20 * np.sin(0.12 * x + 0.1 * y) + 15 * np.cos(0.1 * y - 0.08 * x)).astype(np.float32)
-    window = np.array([(i, j) for j in range(-3, 4) for i in range(-3, 4)], dtype=np.float32)
-    weight = np.exp(-0.1 * (window**2).sum(axis=1)).astype(np.float32)
-    weight /= weight.sum()
-    a = np.array([image[15 + int(j), 18 + int(i)] for i, j in window], dtype=np.float32)
-    a -= weight @ a
-    a /= np.sqrt(weight @ a**2)
+    # slow waves, so that the image's gradient is that of its samples
+    image = np.polynomial.Polynomial([3.0, 2.0, -0.4, 0.02, 0.003])
+    places = np.linspace(-3.0, 3.0, 15)
+    a = np.sin(places) + 0.3 * places
+
+    def terms_at(shift: float) -> Float:
+        b, g = image(places + shift), image.deriv()(places + shift)
+        products = [a, b, g, a * a, b * b, g * g, a * b, a * g, b * g]
+        sums = np.array([[p.mean()] for p in products], dtype=np.float32)
+        terms = np.zeros((3, 1), dtype=np.float32)
+        view_terms(sums, np.ones(1, dtype=np.float32), 0.0, 0.0, terms)
+        return terms[:, 0].astype(float)
+
     step = 0.05
-    correlation, numerator, denominator = terms_at(0.0, image, window, weight, a)
-    high = terms_at(step, image, window, weight, a)[0]
-    low = terms_at(-step, image, window, weight, a)[0]
+    correlation, numerator, denominator = terms_at(0.1)
     # with |a| = |b| = 1, sum w (a - b)^2 = 2 - 2 corr: its half falls as the numerator says
-    assert numerator == pytest.approx((high - low) / (2 * step), rel=0.05)
+    slope = (terms_at(0.1 + step)[0] - terms_at(0.1 - step)[0]) / (2 * step)
+    assert numerator == pytest.approx(slope, rel=0.02)
     assert denominator > 0.0
     assert correlation < 1.0
 
 
 @pytest.mark.parametrize("start_error", [-1.5, 0.8])
-def test_slanted_steps_lead_to_the_true_depth(start_error: float) -> None:
+def test_steps_lead_to_the_true_depth(start_error: float) -> None:
     pair = stereo_pair(5.0)
-    depth = np.full((40, 60), 5.0 + start_error, dtype=np.float32)
-    score = np.ones_like(depth)
-    information = np.ones_like(depth)
-    window = np.array([(i, j) for j in range(-3, 4) for i in range(-3, 4)])
+    surface = np.full((40, 60), 5.0 + start_error, dtype=np.float32)
     for _ in range(4):
-        plane = np.stack([depth, np.zeros_like(depth), np.zeros_like(depth)])
-        slanted_step(
-            pair["grey"],
-            np.stack([pair["grey"]] * 2),
-            plane,
-            pair["views"],
-            np.ones((2, 40, 60), np.uint8),
-            np.tile(np.eye(2), (2, 1, 1)),
-            pair["c"],
-            np.zeros((2, 2)),
-            window,
-            np.ones(len(window), np.float32),
-            np.full(3, 0.3),
-            500.0,
-            0.4,
-            0.0,
-            1,
-            depth,
-            score,
-            information,
-        )
+        depth, score, _ = stepped(pair["grey"], pair["views"], pair["c"], surface)
+        surface = planes_of(depth)
     inner = np.s_[8:-8, 8:-8]
     assert np.abs(depth[inner] - 5.0).max() < 0.06
     assert score[inner].min() > 0.98
@@ -93,99 +116,48 @@ def test_slanted_steps_lead_to_the_true_depth(start_error: float) -> None:
 
 def test_a_neighbour_that_sees_something_else_is_outvoted() -> None:
     pair = stereo_pair(5.0)
-    views = np.concatenate([pair["views"], np.random.default_rng(0).normal(0, 30, (1, 40, 60, 2))])
-    depth = np.full((40, 60), 5.4, dtype=np.float32)
-    score = np.ones_like(depth)
-    information = np.ones_like(depth)
-    window = np.array([(i, j) for j in range(-2, 3) for i in range(-2, 3)])
+    other = np.random.default_rng(0).normal(0, 30, (1, 40, 60)).astype(np.float32)
+    views = np.concatenate([pair["views"], other])
+    c = np.concatenate([pair["c"], [[0.2, 0.2]]])
+    surface = np.full((40, 60), 5.4, dtype=np.float32)
     for _ in range(4):
-        plane = np.stack([depth, np.zeros_like(depth), np.zeros_like(depth)])
-        slanted_step(
-            pair["grey"],
-            np.stack([pair["grey"]] * len(views)),
-            plane,
-            views.astype(np.float32),
-            np.ones((3, 40, 60), np.uint8),
-            np.tile(np.eye(2), (3, 1, 1)),
-            np.concatenate([pair["c"], [[0.2, 0.2]]]),
-            np.zeros((3, 2)),
-            window,
-            np.ones(len(window), np.float32),
-            np.full(4, 0.3),
-            500.0,
-            0.4,
-            0.0,
-            1,
-            depth,
-            score,
-            information,
-        )
+        depth, _, _ = stepped(pair["grey"], views, c, surface)
+        surface = planes_of(depth)
     assert np.abs(depth[8:-8, 8:-8] - 5.0).max() < 0.06
 
 
-def test_an_unknown_depth_stays_unknown() -> None:
+def test_an_unknown_depth_stays_unknown_and_has_no_say() -> None:
     pair = stereo_pair(5.0)
-    depth = np.full((40, 60), np.nan, dtype=np.float32)
-    score = np.ones_like(depth)
-    information = np.ones_like(depth)
-    plane = np.full((3, 40, 60), np.nan, dtype=np.float32)
-    one = np.zeros((1, 2), dtype=np.int64)
-    eye = np.tile(np.eye(2), (2, 1, 1))
-    slanted_step(
-        pair["grey"], np.stack([pair["grey"]] * 2), plane, pair["views"],
-        np.ones((2, 40, 60), np.uint8), eye, pair["c"],
-        np.zeros((2, 2)), one, np.ones(1, np.float32), np.ones(3), 10.0, 0.4, 0.0, 1, depth, score,
-        information,
-    )  # fmt: skip
-    assert np.isnan(depth).all()
-    assert (score == 0).all()
-    assert (information == 0).all()
+    surface = np.full((40, 60), 5.2, dtype=np.float32)
+    surface[:, 30:] = np.nan
+    depth, score, information = stepped(pair["grey"], pair["views"], pair["c"], surface)
+    assert np.isnan(depth[:, 30:]).all()
+    assert (score[:, 30:] == 0).all()
+    assert (information[:, 30:] == 0).all()
+    assert np.abs(depth[8:-8, 8:30] - 5.0).max() < 0.1
+
+
+def test_windows_that_do_not_fit_into_the_image_give_no_depth() -> None:
+    pair = stereo_pair(5.0)
+    surface = np.full((40, 60), 5.2, dtype=np.float32)
+    depth, _, _ = stepped(pair["grey"], pair["views"], pair["c"], surface)
+    assert np.isnan(depth[:3]).all()
+    assert np.isnan(depth[:, -3:]).all()
+    assert np.isfinite(depth[3:-4, 8:-8]).all()
 
 
 def test_the_information_of_a_window_is_the_variance_that_noise_gives_its_depth() -> None:
     rng = np.random.default_rng(3)
-    y, x = np.mgrid[-3:4, -3:4]
-    window = np.stack([x.ravel(), y.ravel()], axis=1)
     found, stated = [], []
+    pair = stereo_pair(5.0)
+    start = np.full((40, 60), 5.0, dtype=np.float32)
     for _ in range(30):
-        pair = stereo_pair(5.0)
         noise_sigma = 4.0
         grey = pair["grey"] + rng.normal(0, noise_sigma, pair["grey"].shape).astype(np.float32)
         views = pair["views"].copy()
-        for k in range(2):
-            views[k, ..., 0] += rng.normal(0, noise_sigma, grey.shape)
-        depth = np.full((40, 60), 5.0, dtype=np.float32)
-        score, information = np.ones_like(depth), np.ones_like(depth)
-        plane = np.stack([depth, np.zeros_like(depth), np.zeros_like(depth)])
-        slanted_step(
-            grey, np.stack([grey] * 2), plane, views, np.ones((2, 40, 60), np.uint8),
-            np.tile(np.eye(2), (2, 1, 1)),
-            pair["c"], np.zeros((2, 2)), window, np.ones(len(window), np.float32), np.full(3, 0.3),
-            500.0, 0.4, 0.0, 1, depth, score, information,
-        )  # fmt: skip
+        noisy = views + rng.normal(0, noise_sigma, views.shape).astype(np.float32)
+        depth, _, information = stepped(grey, noisy, pair["c"], start)
         found.append(depth[10:-10:10, 10:-10:10] - 5.0)
         stated.append(information[10:-10:10, 10:-10:10] ** -0.5)
     # half of the samples count as independent: all of them are here, hence up to sqrt(2) too wide
     assert 0.4 < np.std(found) / np.median(stated) < 1.2
-
-
-def test_pixels_between_those_that_move_keep_their_planes_and_have_no_say() -> None:
-    pair = stereo_pair(5.0)
-    depth = np.full((40, 60), 4.2, dtype=np.float32)
-    score = np.ones_like(depth)
-    plane = np.stack([depth + 0.3, np.zeros_like(depth), np.zeros_like(depth)])
-    window = np.array([(i, j) for j in range(-3, 4) for i in range(-3, 4)])
-    slanted_step(
-        pair["grey"], np.stack([pair["grey"]] * 2), plane, pair["views"],
-        np.ones((2, 40, 60), np.uint8), np.tile(np.eye(2), (2, 1, 1)), pair["c"], np.zeros((2, 2)),
-        window,
-        np.ones(len(window), np.float32), np.full(3, 0.3), 500.0, 0.4, 0.0, 2, depth, score,
-        np.zeros_like(depth),
-    )  # fmt: skip
-    y, x = np.mgrid[0:40, 0:60]
-    between = (x + y) % 2 == 1
-    np.testing.assert_array_equal(depth[between], np.float32(4.5))
-    assert (score[between] == 0.0).all()
-    inner = np.s_[8:-8, 8:-8]
-    assert np.abs(depth[inner][~between[inner]] - 5.0).max() < 0.25
-    assert score[inner][~between[inner]].min() > 0.9
