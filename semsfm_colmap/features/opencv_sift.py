@@ -7,6 +7,8 @@ Descriptors are turned into RootSIFT (Arandjelovic and Zisserman, CVPR 2012), as
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from semsfm_colmap.features.frames import PIXEL_CENTRE
@@ -20,6 +22,24 @@ DETECTOR_ID = 9
 MAX_DOUBLED_PX = 3200
 """A larger image is not doubled: its finest keypoints are noise, and the memory is that of ten."""
 GRID_CELLS = 16
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Detected:
+    """What SIFT finds in an image, to be described turned or upright."""
+
+    found: Float
+    """(N, 6) place, diameter, angle in degrees, response, octave, as OpenCV counts them; a place
+    once for each of its dominant gradients"""
+    pixels: Array
+    """what OpenCV looks at: the image, or a smaller one"""
+    shape: tuple[int, int]
+    """of the image as given"""
+
+    @property
+    def ratio(self) -> Float:
+        """(2,) px of the image a pixel looked at."""
+        return np.array(self.shape[::-1]) / self.pixels.shape[::-1]
 
 
 def opencv_sift(
@@ -45,6 +65,25 @@ def opencv_sift(
     upright : keypoints keep the image's orientation
 
     """
+    detected = detect_sift(
+        image,
+        mask,
+        first_octave=first_octave,
+        peak_threshold=peak_threshold,
+        edge_threshold=edge_threshold,
+    )
+    return describe_sift(detected, max_num_features=max_num_features, upright=upright)
+
+
+def detect_sift(
+    image: Array,
+    mask: Bool | None = None,
+    *,
+    first_octave: int = -1,
+    peak_threshold: float = 0.02 / 3,
+    edge_threshold: float = 10.0,
+) -> Detected:
+    """Places of an image (H, W) uint8 with their scales and gradients, see `opencv_sift`."""
     import cv2
 
     if max(image.shape) > MAX_DOUBLED_PX:
@@ -60,21 +99,31 @@ def opencv_sift(
     )
     usable = None if mask is None else _resized(mask.astype(np.uint8), factor)
     found = np.array(
-        [
-            (*k.pt, k.size, 0.0 if upright else k.angle, k.response, k.octave)
-            for k in sift.detect(pixels, usable)
-        ]
+        [(*k.pt, k.size, k.angle, k.response, k.octave) for k in sift.detect(pixels, usable)]
     ).reshape(-1, 6)
+    return Detected(found=found, pixels=pixels, shape=(image.shape[0], image.shape[1]))
+
+
+def describe_sift(
+    detected: Detected, *, max_num_features: int = 8192, upright: bool = False
+) -> Features:
+    """The strongest keypoints of each part of an image with their descriptors, see `opencv_sift`.
+
+    OpenCV describes with the numbers that its keypoints carry, whatever it was made with.
+    """
+    import cv2
+
+    found, ratio = detected.found, detected.ratio
     if upright:
         # a place with several dominant gradients was found once for each
-        found = np.unique(found, axis=0)
-    ratio = np.array(image.shape[::-1]) / pixels.shape[::-1]
-    found = found[_strongest(found, ratio, image.shape, max_num_features)]
+        found = np.unique(found * (1.0, 1.0, 1.0, 0.0, 1.0, 1.0), axis=0)
+    found = found[_strongest(found, ratio, detected.shape, max_num_features)]
     points = [
         cv2.KeyPoint(x, y, size, angle, response, int(octave))
         for x, y, size, angle, response, octave in found.tolist()
     ]
-    described, values = sift.compute(pixels, points) if points else ((), None)
+    sift = cv2.SIFT.create(nOctaveLayers=NUM_LEVELS, enable_precise_upscale=True)
+    described, values = sift.compute(detected.pixels, points) if points else ((), None)
     if values is None:
         values = np.zeros((0, 128), dtype=np.float32)
     if len(described) != len(found):

@@ -1,26 +1,34 @@
-"""The guided second pass: every point is looked for in every image, until the cameras settle."""
+"""The guided second pass: every point is looked for in every image, until the cameras settle.
+
+What is not found again where it was seen is not looked for in all other images. Cameras that turn
+settle on a sample of the tracks, where images have many, before all tracks are looked for.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from semsfm_colmap.geometry.alignment import align_rotations
 from semsfm_colmap.geometry.rotations import rotation_angle
-from semsfm_colmap.geometry.subset import take_subset
+from semsfm_colmap.geometry.subset import keep_tracks, take_subset, thin_evenly
 from semsfm_colmap.mapping.context import Guide, SeriesContext
 from semsfm_colmap.mapping.drift import adjust_last
 from semsfm_colmap.matching.guided.filtering import FilteredImages
-from semsfm_colmap.matching.guided.grow import Grown, grow_tracks
+from semsfm_colmap.matching.guided.grow import HIGH_PASS_PX, Grown, grow_tracks
 from semsfm_colmap.matching.guided.noise import fit_relative_sigma
+from semsfm_colmap.matching.guided.options import GuidedOptions
 from semsfm_colmap.records import GuidedFigures
 from semsfm_colmap.refinement.displaced import Displacement
 from semsfm_colmap.refinement.noise import expected_share
+from semsfm_colmap.refinement.options import RefinementOptions
 from semsfm_colmap.refinement.refine import Refined, refine
 from semsfm_colmap.types import Observations
 
+SETTLING_OBSERVATIONS = 800
+"""Observations of an image that the cameras settle on; all, where it has fewer."""
 SETTLED_GROWTH = 1.2
 """A pass that multiplies the observations by more calls for another."""
 MIN_KEPT_SHARE = 0.9
@@ -46,6 +54,38 @@ class Settling:
     refined: Refined
     grown: Grown
     num_passes: int
+    turned_deg: float
+    """root mean square angle by which the last pass turned the cameras"""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Passes:
+    """What all passes over a part have in common."""
+
+    context: SeriesContext
+    guide: Guide
+    options: GuidedOptions
+    refinement: RefinementOptions
+    """without the thresholds within which every place that a pass looks at lies"""
+    filtered: FilteredImages
+    num_images: int
+    """a pass that registers fewer is none"""
+    rng: np.random.Generator
+    of: str = ""
+    """which points are looked for, for the sentences about it"""
+
+    def with_options(self, **changes: Any) -> Passes:
+        """With other options."""
+        return replace(self, options=replace(self.options, **changes))
+
+    def as_fine_as(self, found: Settling) -> Passes:
+        """With the high-pass of a pass before, where there is no finer one to try."""
+        high_pass_px = found.grown.high_pass_px
+        return (
+            self.with_options(high_pass_px=high_pass_px)
+            if high_pass_px == HIGH_PASS_PX[0]
+            else self
+        )
 
 
 def refine_guided(
@@ -101,46 +141,78 @@ def settle(
     rng: np.random.Generator,
 ) -> Settling | None:
     """Passes until the cameras no longer turn; None where one gives no model of all images."""
-    value, seeds = first, observations
-    settled: Settling | None = None
-    rounds = guide.options.rounds
-    filtered = FilteredImages(guide.read_image)
-    for k in range(rounds):
-
-        def looked(done: int, total: int, k: int = k) -> None:
-            context.progress("guided passes", k * total + done, rounds * total)
-
-        step = grow_part(
-            value, seeds, guide, filtered, extend=k > 0, seed=context.seed, progress=looked
-        )
-        if step is None:
-            return None
-        adjusted = refine(
-            value.cameras,
-            value.images,
-            step.observations,
+    options = guide.options
+    within = tuple(t for t in context.refinement.filter_thresholds_px if t <= options.max_shift_px)
+    passes = Passes(
+        context=context,
+        guide=guide,
+        options=options,
+        refinement=replace(
             context.refinement,
-            rng=rng,
-            seed=context.seed,
-            series_idx=context.series_idx,
-        ).value
-        if adjusted is None or len(adjusted.images) < len(first.images):
+            filter_thresholds_px=within or context.refinement.filter_thresholds_px[-1:],
+        ),
+        filtered=FilteredImages(guide.read_image),
+        num_images=len(first.images),
+        rng=rng,
+    )
+    # a pair that is found again is as good a start as any
+    pairs_too = passes.with_options(min_track_length=2)
+    aligned = one_pass(pairs_too, first, observations, extend=False, done=0)
+    if aligned is None or options.rounds == 1:
+        return aligned
+    passes, seeds = passes.as_fine_as(aligned), aligned.grown.observations
+    chosen = thin_evenly(seeds, SETTLING_OBSERVATIONS)
+    thin = seeds.num_tracks < options.fill_up_to or chosen.all()
+    if thin or aligned.turned_deg < options.converged_deg:
+        return repeat(passes, aligned, seeds, options.rounds)
+    sample, _ = keep_tracks(seeds, chosen[seeds.track_idx])
+    few = replace(passes.with_options(fill_up_to=0), of="a sample of ")
+    settled = repeat(few, aligned, sample, options.rounds - 1) or aligned
+    return one_pass(passes, settled.refined, seeds, extend=True, done=settled.num_passes)
+
+
+def repeat(passes: Passes, start: Settling, seeds: Observations, most: int) -> Settling | None:
+    """Look everywhere until the cameras no longer turn, or so many passes have been made."""
+    settled = start
+    while settled.num_passes < most:
+        before, done = settled.refined, settled.num_passes
+        found = one_pass(passes, before, seeds, extend=True, done=done)
+        if found is None:
             return None
-        turned = camera_turn(value, adjusted)
-        growth = len(adjusted.observations) / max(len(value.observations), 1)
-        value = adjusted
-        settled = Settling(refined=value, grown=step, num_passes=k + 1)
-        context.say(
-            f"guided pass {k + 1}: structure finer than {step.high_pass_px:g} px, "
-            f"{len(step.observations)} of {step.num_predicted} places found, "
-            f"{len(value.tracks)} points, {len(value.observations)} observations, "
-            f"sigma {value.sigma_px:.3f} px, cameras turned by {np.rad2deg(turned):.3f} deg"
-        )
-        if k > 0:
-            seeds = step.observations
-            if turned < np.deg2rad(guide.options.converged_deg) and growth < SETTLED_GROWTH:
-                break
+        settled, seeds = found, found.grown.observations
+        growth = len(settled.refined.observations) / max(len(before.observations), 1)
+        if settled.turned_deg < passes.options.converged_deg and growth < SETTLED_GROWTH:
+            break
     return settled
+
+
+def one_pass(
+    passes: Passes, value: Refined, seeds: Observations, *, extend: bool, done: int
+) -> Settling | None:
+    """Look for points with a model, and adjust it to what is found, after so many other passes."""
+    context = passes.context
+    step = grow_part(passes, value, seeds, extend=extend, done=done)
+    if step is None:
+        return None
+    adjusted = refine(
+        value.cameras,
+        value.images,
+        step.observations,
+        passes.refinement,
+        rng=passes.rng,
+        seed=context.seed,
+        series_idx=context.series_idx,
+    ).value
+    if adjusted is None or len(adjusted.images) < passes.num_images:
+        return None
+    turned_deg = float(np.rad2deg(camera_turn(value, adjusted)))
+    context.say(
+        f"guided pass {done + 1}: structure finer than {step.high_pass_px:g} px, "
+        f"{len(step.observations)} of {step.num_predicted} places found, "
+        f"{passes.of}{len(adjusted.tracks)} points, {len(adjusted.observations)} observations, "
+        f"sigma {adjusted.sigma_px:.3f} px, cameras turned by {turned_deg:.3f} deg"
+    )
+    return Settling(refined=adjusted, grown=step, num_passes=done + 1, turned_deg=turned_deg)
 
 
 def camera_turn(before: Refined, after: Refined) -> float:
@@ -157,29 +229,32 @@ def camera_turn(before: Refined, after: Refined) -> float:
 
 
 def grow_part(
+    passes: Passes,
     value: Refined,
     observations: Observations,
-    guide: Guide,
-    filtered: FilteredImages,
     *,
     extend: bool,
-    seed: int,
-    progress: Callable[[int, int], None] | None = None,
+    done: int,
 ) -> Grown | None:
     """`grow_tracks` on the registered images; the result is numbered as the series."""
+    guide, rounds = passes.guide, passes.options.rounds
+
+    def looked(images: int, total: int) -> None:
+        passes.context.progress("guided passes", done * total + images, rounds * total)
+
     # by themselves, so that they can be sent to other processes without the guide
     images, read_image, read_mask = value.images, guide.read_image, guide.read_mask
     grown = grow_tracks(
         value.cameras,
         take_subset(observations, images=images, min_length=2).observations,
         lambda i: read_image(int(images[i])),
-        guide.options,
+        passes.options,
         extend=extend,
         read_mask=lambda i: read_mask(int(images[i])),
         read_keypoints=lambda i: guide.read_keypoints(int(images[i])),
-        read_filtered=lambda i, high_pass_px: filtered(int(images[i]), high_pass_px),
-        seed=seed,
-        progress=progress,
+        read_filtered=lambda i, high_pass_px: passes.filtered(int(images[i]), high_pass_px),
+        seed=passes.context.seed,
+        progress=looked,
         parallel_map=guide.parallel_map,
     )
     if grown is None:

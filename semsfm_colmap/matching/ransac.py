@@ -16,11 +16,8 @@ import numpy as np
 from scipy.special import gammaln
 from scipy.stats import binom
 
-from semsfm_colmap.geometry.epipolar import (
-    epipolar_residual,
-    estimate_affine_fundamental,
-    fundamental_from_hyperplane,
-)
+from semsfm_colmap.geometry.epipolar import fundamental_from_hyperplane
+from semsfm_colmap.matching.ransac_kernels import optimise_hyperplanes
 from semsfm_colmap.types import Bool, Float, Solution
 
 BATCH = 100
@@ -66,8 +63,14 @@ def log_false_alarms(num_inliers: int, num_matches: int, chance: float) -> float
 
 def _best_samples(
     centred: Float, max_error_px: float, trials: int, rng: np.random.Generator
-) -> list[Float]:
-    """The best of random samples, by truncated squared distance of all matches (L, 4)."""
+) -> tuple[Float, Float]:
+    """The best of random samples, by truncated squared distance of all matches (L, 4).
+
+    Returns
+    -------
+    normals (S, 4), offsets (S,)
+
+    """
     L, limit = len(centred), max_error_px**2
     n, e, cost = np.zeros((0, 4)), np.zeros(0), np.zeros(0)
     while len(cost) < trials:
@@ -82,29 +85,7 @@ def _best_samples(
         if np.min(cost) < (1.0 - CLEAR_SHARE) * L * limit:
             break
     chosen = np.argsort(cost, kind="stable")[:NUM_REFINED]
-    return [fundamental_from_hyperplane(n[k], float(e[k])) for k in chosen]
-
-
-def _refined(centred: Float, samples: list[Float], max_error_px: float) -> tuple[Float, Bool]:
-    """The best of the samples, each fitted to the inliers of ever smaller thresholds; its inliers.
-
-    At least one trial gives at least one sample.
-    """
-    limit = max_error_px**2
-    c1, c2 = centred[:, :2], centred[:, 2:]
-    best: tuple[float, Float, Bool] | None = None
-    for F in samples:
-        for factor in SHRINK:
-            close = np.abs(epipolar_residual(F, c1, c2)) < factor * max_error_px
-            if np.sum(close) < 5:
-                break
-            F = estimate_affine_fundamental(c1[close], c2[close])
-        r2 = epipolar_residual(F, c1, c2) ** 2
-        score = float(np.minimum(r2, limit).sum())
-        if best is None or score < best[0]:
-            best = (score, F, r2 < limit)
-    assert best is not None
-    return best[1:]
+    return n[chosen], e[chosen]
 
 
 def find_affine_fundamental(
@@ -134,15 +115,15 @@ def find_affine_fundamental(
     data = np.column_stack([xy1, xy2])
     centre = data.mean(axis=0)
     centred = data - centre
-    samples = _best_samples(centred, max_error_px, trials, rng)
-    F, inlier = _refined(centred, samples, max_error_px)
+    normals, offsets = _best_samples(centred, max_error_px, trials, rng)
+    thresholds = max_error_px * np.array(SHRINK)
+    score = optimise_hyperplanes(centred, normals, offsets, thresholds, max_error_px**2)
+    best = int(np.argmin(score))
+    normal, offset = normals[best], float(offsets[best])
+    first, second = centred[:, :2] @ normal[:2], centred[:, 2:] @ normal[2:] + offset
+    inlier = np.abs(first + second) < max_error_px
     count = int(inlier.sum())
-    shuffled = np.concatenate(
-        [
-            np.abs(epipolar_residual(F, centred[:, :2], centred[rng.permutation(L), 2:]))
-            for _ in range(4)
-        ]
-    )
+    shuffled = np.abs(np.concatenate([first + second[rng.permutation(L)] for _ in range(4)]))
     chance = (np.sum(shuffled < max_error_px) + 1.0) / (len(shuffled) + 1.0)
     diagnostics = {"num_inliers": count, "chance": chance}
     if count < min_num_inliers:
@@ -160,6 +141,5 @@ def find_affine_fundamental(
             diagnostics=diagnostics,
         )
     # undo the centring: n . (x - centre) + e
-    normal = np.array([F[2, 0], F[2, 1], F[0, 2], F[1, 2]])
-    F = fundamental_from_hyperplane(normal, float(F[2, 2] - normal @ centre))
+    F = fundamental_from_hyperplane(normal, offset - float(normal @ centre))
     return Solution(value=(F, inlier), diagnostics=diagnostics)

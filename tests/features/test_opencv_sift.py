@@ -6,7 +6,7 @@ import pytest
 
 from semsfm_colmap.colmap.sift_features import sift_features
 from semsfm_colmap.features import opencv_sift as module
-from semsfm_colmap.features.opencv_sift import opencv_sift
+from semsfm_colmap.features.opencv_sift import describe_sift, detect_sift, opencv_sift
 from semsfm_colmap.matching.nearest import match_nearest
 from tests.features.images import disk, textured, warp_image
 
@@ -42,6 +42,16 @@ def test_descriptors_are_of_length_one_and_survive_a_turn_and_a_gain():
     assert np.mean(off < 1.0) > 0.95
     turned = np.angle(np.exp(1j * (b.angle_rad[j] - a.angle_rad[i] - turn)))[off < 1.0]
     assert np.median(np.abs(turned)) < np.deg2rad(3.0)
+
+
+def test_what_was_detected_once_is_described_both_ways():
+    detected = detect_sift(grey(textured()))
+    for upright in (True, False, True):
+        found = describe_sift(detected, upright=upright)
+        alone = opencv_sift(grey(textured()), upright=upright)
+        np.testing.assert_array_equal(found.xy, alone.xy)
+        np.testing.assert_array_equal(found.angle_rad, alone.angle_rad)
+        np.testing.assert_array_equal(found.descriptors, alone.descriptors)
 
 
 def test_upright_keypoints_are_one_a_place_and_not_turned():

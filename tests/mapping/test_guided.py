@@ -11,6 +11,7 @@ from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.config import Config, config_from_dict
 from semsfm_colmap.evaluation.compare import evaluate
 from semsfm_colmap.evaluation.truth import load_truth
+from semsfm_colmap.mapping import guided
 from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.records import MapRecord
@@ -40,15 +41,40 @@ def stored(project):
 
 def test_tracks_are_longer_and_no_less_right_than_without(project, small_series):
     truth = load_truth(small_series)
-    guided = evaluate(read_model(project / "sparse" / "0"), truth)
+    found = evaluate(read_model(project / "sparse" / "0"), truth)
     record = RunRecord.read(project / "run.json")
     figures = record.result("map", MapRecord).diagnostics.guided
     assert figures.num_observations > 1.3 * figures.num_observations_before
     assert figures.sigma_px < 0.8 * figures.sigma_before_px
     run_stages(project, PLAIN, names=("map",))
     plain = evaluate(read_model(project / "sparse" / "0"), truth)
-    assert guided["mean_track_length"] > 1.05 * plain["mean_track_length"]
-    assert guided["rotation_error_median_deg"] < 1.2 * plain["rotation_error_median_deg"]
+    assert found["mean_track_length"] > 1.05 * plain["mean_track_length"]
+    assert found["rotation_error_median_deg"] < 1.2 * plain["rotation_error_median_deg"]
+
+
+def test_cameras_settle_on_a_sample_and_all_tracks_are_looked_for_in_the_end(
+    project, small_series, monkeypatch
+):
+    truth = load_truth(small_series)
+    # nothing is ever still enough: with a sample all passes but the first and the last look for it
+    config = config_from_dict({"guided": {"converged_deg": 0.0, "rounds": 4, "fill_up_to": 0}})
+    run_stages(project, config, names=("map",))
+    alone = evaluate(read_model(project / "sparse" / "0"), truth)
+    monkeypatch.setattr(guided, "SETTLING_OBSERVATIONS", 100)
+    looked_for = []
+    one_pass = guided.one_pass
+
+    def counted(passes, value, seeds, **how):
+        looked_for.append(len(seeds))
+        return one_pass(passes, value, seeds, **how)
+
+    monkeypatch.setattr(guided, "one_pass", counted)
+    run_stages(project, config, names=("map",), force=True)
+    assert len(looked_for) == 4
+    assert max(looked_for[1:3]) < 0.5 * min(looked_for[0], looked_for[3])
+    settled = evaluate(read_model(project / "sparse" / "0"), truth)
+    assert settled["num_observations"] > 0.95 * alone["num_observations"]
+    assert settled["rotation_error_median_deg"] < 1.2 * alone["rotation_error_median_deg"]
 
 
 def assert_bundle_adjusters_leave_the_cameras(model, folder):

@@ -28,7 +28,7 @@ class GuidedOptions(Checked):
     """Do the second pass."""
     rounds: Count = 5
     """Most passes, each from the model that the one before has led to: the first aligns what is
-    known, the others look everywhere."""
+    known, the others look everywhere, of many tracks for a sample until the last."""
     converged_deg: NotNegative = 0.02
     """Once a pass turns the cameras by less than this (root mean square) there is no other, unless
     it found many new observations."""

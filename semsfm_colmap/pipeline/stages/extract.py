@@ -26,7 +26,11 @@ def run(on: StageRun) -> ExtractRecord:
     if options.upright is None and len(series.names) > 2:
         with on.reporter.progress("upright or turned") as progress:
             trial = try_project_orientations(
-                project, series, seed=on.config.seed, progress=progress
+                project,
+                series,
+                seed=on.config.seed,
+                progress=progress,
+                parallel_map=on.local.map,
             )
         options = replace(options, upright=trial.upright)
     if on.fresh:

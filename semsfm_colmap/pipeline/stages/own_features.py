@@ -16,6 +16,7 @@ from semsfm_colmap.features.registry import (
     descriptor_entry,
     detect,
     detector_parts,
+    external_parts,
     prepare,
 )
 from semsfm_colmap.io.grey import read_grey, read_mask
@@ -116,7 +117,8 @@ def extract_own(
 
     features_of = FindOwn(image_path=project.images, mask_path=mask_path, options=options)
     done = len(series.names) - len(todo)
-    length = max(CHUNK, on.executor.num_workers)
+    from_others = options.detector != OPENCV_SIFT and external_parts(options.detector)
+    length = max(CHUNK, on.executor.num_workers) if from_others else max(len(todo), 1)
     for begin in range(0, len(todo), length):
         chunk = todo[begin : begin + length]
 
@@ -133,7 +135,7 @@ def extract_own(
             )
 
         external: Sequence[dict[str, Regions]] = [{}] * len(chunk)
-        if options.detector != OPENCV_SIFT:
+        if from_others:
             external = external_regions(options.detector, len(chunk), find)
         found_in = on.executor.map(features_of, zip(chunk, external, strict=True))
         for name, found in zip(chunk, found_in, strict=True):
