@@ -1,18 +1,20 @@
 """Textured meshes and depth maps on disk (clouds and plain meshes: `io/ply.py`).
 
-Textured meshes go to glTF (.glb) and Wavefront (.obj with .mtl and .png) through trimesh. Depth
+Textured meshes go to glTF (.glb, through trimesh) and Wavefront (.obj with .mtl and .png). Depth
 maps are npz files named after their image.
 """
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.geometry.unshared import unshared
 from semsfm_colmap.io.atomic import file_aside, write_bytes, write_json, write_text
 from semsfm_colmap.io.npz import UNREADABLE
@@ -20,14 +22,19 @@ from semsfm_colmap.io.ply import write_ply_file
 from semsfm_colmap.surface.depth_view import DepthView, LazyViews, parallel_view
 from semsfm_colmap.surface.half_series import HalfDifference
 from semsfm_colmap.surface.shading import Shading
-from semsfm_colmap.types import Array, DepthMap, Reconstruction, TriangleMesh
+from semsfm_colmap.types import Array, DepthMap, Float, Int, Reconstruction, TriangleMesh
 
 GLTF_FROM_WORLD = np.diag([1.0, -1.0, -1.0, 1.0])
 """Half a turn about x: ours has y down and z away from the viewer, glTF y up and z toward him."""
 
 
 def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -> tuple[Path, Path]:
-    """Write a textured mesh as ``<stem>.glb`` and ``<stem>.obj`` (with .mtl and .png)."""
+    """Write a textured mesh as ``<stem>.glb`` and ``<stem>.obj`` (with .mtl and .png).
+
+    glTF has one number for a vertex with its texture coordinate, so the mesh is parted at the seams
+    of the atlas; the normals on both sides of one are the same. In the .obj positions and normals
+    are shared, and texture coordinates have numbers of their own: it is the mesh in one piece.
+    """
     if mesh.uv is None or mesh.texture is None:
         raise UsageError("mesh has no texture: call texture_mesh first.")
     import PIL.Image
@@ -38,36 +45,45 @@ def write_textured(mesh: TriangleMesh, folder: Path | str, stem: str = "mesh") -
     folder = Path(folder)
     vertices, normals, uv, faces = unshared(mesh)
     image = PIL.Image.fromarray(np.ascontiguousarray(mesh.texture))
-
-    def with_material(material: Any) -> Any:
-        return trimesh.Trimesh(
-            vertices=vertices,
-            faces=faces,
-            vertex_normals=normals,
-            visual=TextureVisuals(uv=uv, material=material),
-            process=False,
-            validate=False,
-        )
-
     matte = PBRMaterial(
         baseColorTexture=image, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True
+    )
+    parted = trimesh.Trimesh(
+        vertices=vertices,
+        faces=faces,
+        vertex_normals=normals,
+        visual=TextureVisuals(uv=uv, material=matte),
+        process=False,
+        validate=False,
     )
     glb_path, obj_path = folder / f"{stem}.glb", folder / f"{stem}.obj"
     # the vertices stay as in mesh.ply; a viewer shows them through the node that holds them
     scene = trimesh.Scene()
-    scene.add_geometry(with_material(matte), transform=GLTF_FROM_WORLD)
+    scene.add_geometry(parted, transform=GLTF_FROM_WORLD)
     write_bytes(scene.export(file_type="glb"), glb_path)
 
-    text, extra = trimesh.exchange.obj.export_obj(
-        with_material(SimpleMaterial(image=image, diffuse=[255, 255, 255, 255])),
-        return_texture=True,
-        mtl_name=f"{stem}.mtl",
-        include_normals=True,
-    )
-    for name, data in extra.items():
+    files, material = SimpleMaterial(image=image, diffuse=[255, 255, 255, 255]).to_obj()
+    files[f"{stem}.mtl"] = files.pop(f"{material}.mtl")
+    for name, data in files.items():
         write_bytes(data, folder / name)
-    write_text(text, obj_path)
+    write_text(_obj_text(mesh, uv, faces, f"{stem}.mtl", material), obj_path)
     return glb_path, obj_path
+
+
+def _obj_text(mesh: TriangleMesh, uv: Float, uv_faces: Int, library: str, material: str) -> str:
+    """A Wavefront .obj of a mesh, with texture coordinates (T, 2) and their triangles (F, 3)."""
+    normals = mesh.vertex_normals
+    if normals is None:
+        normals = vertex_normals(mesh.vertices, mesh.faces)
+    text = io.StringIO()
+    text.write(f"mtllib {library}\n")
+    for row, values in (("v %.9g %.9g %.9g", mesh.vertices), ("vt %.9g %.9g", uv),
+                        ("vn %.6g %.6g %.6g", normals)):  # fmt: skip
+        np.savetxt(text, values, fmt=row)
+    text.write(f"usemtl {material}\n")
+    corners = np.stack([mesh.faces, uv_faces, mesh.faces], axis=2) + 1
+    np.savetxt(text, corners.reshape(-1, 9), fmt="f" + " %d/%d/%d" * 3)
+    return text.getvalue()
 
 
 def read_textured(path: Path | str) -> TriangleMesh:

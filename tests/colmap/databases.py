@@ -110,6 +110,47 @@ def write_38(path: Path, content: Content, *, version: int = 3800, wal: bool = F
     return path
 
 
+POSE_PRIORS_311 = """
+CREATE TABLE pose_priors (image_id INTEGER PRIMARY KEY NOT NULL, position BLOB,
+    coordinate_system INTEGER NOT NULL, position_covariance BLOB,
+    FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+"""
+RIGS_312 = """
+CREATE TABLE rigs (rig_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,
+    ref_sensor_id INTEGER NOT NULL, ref_sensor_type INTEGER NOT NULL);
+CREATE TABLE rig_sensors (rig_id INTEGER NOT NULL, sensor_id INTEGER NOT NULL,
+    sensor_type INTEGER NOT NULL, sensor_from_rig BLOB,
+    FOREIGN KEY(rig_id) REFERENCES rigs(rig_id) ON DELETE CASCADE);
+CREATE TABLE frames (frame_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,
+    rig_id INTEGER NOT NULL, FOREIGN KEY(rig_id) REFERENCES rigs(rig_id) ON DELETE CASCADE);
+CREATE TABLE frame_data (frame_id INTEGER NOT NULL, data_id INTEGER NOT NULL,
+    sensor_id INTEGER NOT NULL, sensor_type INTEGER NOT NULL,
+    FOREIGN KEY(frame_id) REFERENCES frames(frame_id) ON DELETE CASCADE);
+INSERT INTO rigs VALUES (1, 1, 0);
+INSERT INTO frames SELECT image_id, 1 FROM images;
+INSERT INTO frame_data SELECT image_id, image_id, 1, 0 FROM images;
+"""
+
+
+def write_311(path: Path, content: Content) -> Path:
+    """A database of 3.10 or 3.11: priors of poses in a table of their own."""
+    return _changed(write_38(path, content, version=4100), POSE_PRIORS_311)
+
+
+def write_312(path: Path, content: Content) -> Path:
+    """A database of 3.12 or 3.13: rigs and frames, no priors beside the images."""
+    columns = [f"prior_{name}" for name in ("qw", "qx", "qy", "qz", "tx", "ty", "tz")]
+    without = "".join(f"ALTER TABLE images DROP COLUMN {name};" for name in columns)
+    return _changed(write_38(path, content, version=4200), POSE_PRIORS_311 + without + RIGS_312)
+
+
+def _changed(path: Path, script: str) -> Path:
+    db = sqlite3.connect(path)
+    db.executescript(script)
+    db.close()
+    return path
+
+
 def write_4x(path: Path, content: Content, *, rigs: bool = True) -> Path:
     """The same by the installed pycolmap, with or without rigs and frames."""
     with pycolmap.Database.open(str(path)) as db, pycolmap.DatabaseTransaction(db):

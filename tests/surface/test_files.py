@@ -20,6 +20,7 @@ from semsfm_colmap.surface.files import (
     write_textured,
 )
 from semsfm_colmap.surface.shading import Shading
+from semsfm_colmap.synthetic.primitives import geodesic_sphere
 from semsfm_colmap.types import DepthMap, TriangleMesh
 
 
@@ -49,6 +50,50 @@ def test_a_textured_mesh_shows_the_texture_where_it_belongs(tmp_path: Path) -> N
         left = read.vertices[:, 0] < 0.5
         np.testing.assert_array_equal(colors[left], 50)
         np.testing.assert_array_equal(colors[~left], 200)
+
+
+def cut_ball() -> TriangleMesh:
+    """A ball whose every face has a place of its own in the texture."""
+    vertices, faces = geodesic_sphere(2)
+    rng = np.random.default_rng(3)
+    return TriangleMesh(
+        vertices=vertices,
+        faces=faces,
+        vertex_normals=vertices / np.linalg.norm(vertices, axis=1, keepdims=True),
+        uv=rng.random((len(faces), 3, 2)),
+        texture=np.full((8, 8, 3), 90, dtype=np.uint8),
+    )
+
+
+def test_the_obj_is_in_one_piece_whatever_the_seams_of_its_texture(tmp_path: Path) -> None:
+    mesh = cut_ball()
+    _, obj = write_textured(mesh, tmp_path)
+    lines = [line.split() for line in obj.read_text().splitlines()]
+    corners = [[c.split("/") for c in line[1:]] for line in lines if line[0] == "f"]
+    place, texture, normal = np.moveaxis(np.array(corners, dtype=np.int64) - 1, 2, 0)
+    np.testing.assert_array_equal(place, mesh.faces)
+    np.testing.assert_array_equal(normal, mesh.faces)
+    for key, rows, expected in (
+        ("v", place, mesh.vertices[mesh.faces]),
+        ("vn", normal, mesh.vertex_normals[mesh.faces]),
+        ("vt", texture, mesh.uv),
+    ):
+        table = np.array([line[1:] for line in lines if line[0] == key], dtype=np.float64)
+        np.testing.assert_allclose(table[rows], expected, atol=1e-6)
+
+
+def test_normals_of_the_glb_are_stored_and_continuous_over_seams(tmp_path: Path) -> None:
+    mesh = cut_ball()
+    glb, _ = write_textured(mesh, tmp_path)
+    content = glb.read_bytes()
+    length = int.from_bytes(content[12:16], "little")
+    assert "NORMAL" in json.loads(content[20 : 20 + length])["meshes"][0]["primitives"][0][
+        "attributes"
+    ]  # fmt: skip
+    read = read_textured(glb)
+    assert len(read.vertices) == 3 * len(mesh.faces)
+    away = read.vertices / np.linalg.norm(read.vertices, axis=1, keepdims=True)
+    np.testing.assert_allclose(read.vertex_normals, away, atol=1e-6)
 
 
 def test_the_shading_has_the_law_and_the_gain_of_each_image_by_name(tmp_path: Path) -> None:

@@ -8,7 +8,15 @@ import pytest
 from semsfm_colmap.colmap.database.reader import MAX_NUM_IMAGES, read_database
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.errors import InputError
-from tests.colmap.databases import MAX_IMAGE_ID, Content, simulated_content, write_4x, write_38
+from tests.colmap.databases import (
+    MAX_IMAGE_ID,
+    Content,
+    simulated_content,
+    write_4x,
+    write_38,
+    write_311,
+    write_312,
+)
 
 NAMES = ("a b.png", "sub folder/ü.tif", "日本.png")
 SMALL = Content(
@@ -40,6 +48,8 @@ WRITERS = {
     "3.8": write_38,
     "3.8 in write-ahead mode": lambda path, content: write_38(path, content, wal=True),
     "an importer's": lambda path, content: write_38(path, content, version=0),
+    "3.11": write_311,
+    "3.12": write_312,
     "4.x with rigs": write_4x,
     "4.x without rigs": lambda path, content: write_4x(path, content, rigs=False),
 }
