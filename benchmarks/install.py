@@ -1,7 +1,8 @@
-"""What an installation weighs: the core, and each extra on top of it.
+"""What an installation weighs: the core, and the extras on top of it.
 
-The wheel is built and installed into fresh virtual environments with the versions of
-constraints.txt; of each the number of packages, the disk that it takes and what `pip check` says.
+The wheel is built and installed into a fresh virtual environment with the versions of
+constraints.txt, then each extra; every time the number of packages, the disk that the environment
+takes and what `pip check` says.
 Megabytes (10^6 bytes) are those that the file system gives to the whole environment, pip and
 compiled Python (`__pycache__`) included. Below it the packages that weigh most in the core, as
 they list their own files.
@@ -21,7 +22,8 @@ from benchmarks import tables
 
 COMMAND = "install"
 ROOT = Path(__file__).parents[1]
-CHOICES = ("", "[cluster]", "[mesh]", "[all]")
+CHOICES = ("", "[mesh]", "[all]")
+"""Each has what the ones before it have."""
 MEGABYTE = 1e6
 NUM_HEAVIEST = 10
 OF_DISTRIBUTIONS = """
@@ -68,12 +70,9 @@ def build_wheel(folder: Path) -> Path:
     return wheel
 
 
-def install(wheel: Path, choice: str, folder: Path) -> Environment:
-    """Install a choice of extras into a fresh environment, and weigh it."""
-    run(sys.executable, "-m", "venv", folder)
+def weigh(folder: Path, choice: str) -> Environment:
+    """What lies in an environment."""
     python = folder / "bin" / "python"
-    constraints = ROOT / "constraints.txt"
-    run(python, "-m", "pip", "install", "--constraint", constraints, f"{wheel}{choice}")
     files = [path for path in folder.rglob("*") if path.is_file() or path.is_symlink()]
     return Environment(
         choice=choice,
@@ -120,8 +119,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="semsfm-") as text:
         folder = Path(text)
         wheel = build_wheel(folder / "dist")
+        venv = folder / "venv"
+        run(sys.executable, "-m", "venv", venv)
+        pip = (venv / "bin" / "python", "-m", "pip", "install")
         for choice in CHOICES:
-            environments.append(install(wheel, choice, folder / f"venv{choice.strip('[]')}"))
+            run(*pip, "--constraint", ROOT / "constraints.txt", f"{wheel}{choice}")
+            environments.append(weigh(venv, choice))
             print(choice or "core", f"{environments[-1].total / MEGABYTE:.0f} MB")
     said = tables_of(environments)
     print(said)

@@ -28,12 +28,15 @@ from __future__ import annotations
 
 import importlib
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from semsfm_colmap.io.compiled import place_compiled
 from semsfm_colmap.version import __version__ as __version__
 
 # numba would try TBB first, of which open3d loads a version that numba warns about and refuses
 os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
+place_compiled(Path(__file__).parent)
 
 if TYPE_CHECKING:
     from semsfm_colmap.colmap.model.pinhole_reading import read_pinhole_model as read_pinhole_model

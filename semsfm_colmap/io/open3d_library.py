@@ -24,6 +24,8 @@ def import_open3d() -> Any:
     try:
         with signals_held():  # it takes Ctrl-C for a failure of its own
             return import_extra("open3d", "mesh")
+    except ModuleNotFoundError:
+        raise  # another one, which the system has no package for
     except (ImportError, OSError) as error:
         reason = str(error).splitlines()[0].rstrip(".") if str(error) else type(error).__name__
         raise MissingDependencyError(
