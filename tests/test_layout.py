@@ -43,7 +43,7 @@ def test_open3d_is_asked_for_through_one_module_alone():
     users = [
         path.relative_to(PACKAGE).as_posix()
         for path in PACKAGE.rglob("*.py")
-        if re.search(r"""import_module\(\s*['"]open3d""", path.read_text())
+        if re.search(r"""import_(module|extra)\(\s*['"]open3d""", path.read_text())
     ]
     assert users == ["io/open3d_library.py"]
 

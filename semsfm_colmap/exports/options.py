@@ -18,31 +18,31 @@ class FormatOptions(Checked):
     """Largest distance between pinhole and parallel projection, formats in double precision; 0
     keeps the focal length of the project's own model."""
     max_float32_deviation_px: Positive = 0.25
-    """The same for programs that compute in float32: k is chosen for it between the next two."""
+    """The same for programs in float32; k is chosen between the next two."""
     min_float32_focal_factor: Positive = 300.0
     """Smallest k of the float32 formats."""
     max_float32_focal_factor: Positive = 1000.0
-    """Largest k of the float32 formats: their depths are good to about k max(W, H) / 1e7 px."""
+    """Largest k of the float32 formats; depths are good to k max(W, H) / 1e7 px."""
     focal_factor: NotNegative = 0.0
     """This k in place of the chosen one; 0 chooses."""
     plain_names: bool = False
     """Copy the images as image_0001.png, ...; names.csv holds the names they had."""
     grey_images: bool = False
-    """Copy grey images as they are, not as RGB with three equal channels (colmap-float32,
-    nerfstudio, openmvs): a third of the bytes, for programs that read grey ones."""
+    """Copy grey images as they are, not as RGB (colmap-float32, nerfstudio, openmvs), for programs
+    that read grey ones."""
     fusion_consistency_px: NotNegative = 3.0
     """Depths that COLMAP's stereo fusion takes for the same surface (colmap-dense)."""
     min_fusion_pixels: Count = 3
-    """Depth pixels that stereo fusion joins at least to a point (colmap-dense)."""
+    """Depth pixels that a point of stereo fusion has at least."""
     scale_factor: Positive = 1000.0
-    """Size of the print over that of the specimen, 1000: a millimetre for a micrometre; in a world
-    of pixels, millimetres for each 1000 px (stl, 3mf)."""
+    """Size of the print over that of the specimen (stl, 3mf): 1000 is a millimetre for a
+    micrometre, or for 1000 px."""
     max_fiducials: CountOrNone = 200
     """So many of the longest tracks become fiducials (imod)."""
     num_source_images: Count = 10
-    """Source images of each reference in patch-match.cfg (colmap-dense)."""
+    """Source images of a reference in patch-match.cfg."""
     max_source_angle_deg: Angle = 30.0
-    """Source images seen at a larger angle are left out, unless none is nearer (colmap-dense)."""
+    """Source images at a larger angle are left out unless none is nearer."""
 
     def contradictions(self) -> list[tuple[str, str]]:
         """The smallest focal length is no larger than the largest."""

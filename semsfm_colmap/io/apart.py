@@ -16,7 +16,6 @@ from __future__ import annotations
 import atexit
 import os
 import pickle
-import resource
 import signal
 import subprocess
 import sys
@@ -27,6 +26,11 @@ from dataclasses import dataclass
 from typing import Any, ParamSpec, TypeVar
 
 from semsfm_colmap.errors import SemSfmError
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -197,7 +201,8 @@ def serve() -> None:
     """What a worker does until its pipe is closed."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where decoders may write
-    resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
+    if resource is not None:
+        resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     answer: tuple[bool, Any] = (True, None)
     while True:
         try:
@@ -223,7 +228,9 @@ def _called(
 
 
 def _limit(allowance: Allowance) -> None:
-    """Let the system end this process when a call uses more than it may."""
+    """Let the system end this process when a call uses more than it may, where a system does."""
+    if resource is None:
+        return
     used = resource.getrusage(resource.RUSAGE_SELF)
     seconds = int(used.ru_utime + used.ru_stime) + 1 + allowance.seconds
     _set_soft_limit(resource.RLIMIT_CPU, seconds)
@@ -242,4 +249,5 @@ def _set_soft_limit(kind: int, value: int) -> None:
 
 POOL = Pool()
 atexit.register(POOL.close)
-os.register_at_fork(after_in_child=POOL.forget)
+if hasattr(os, "register_at_fork"):  # not on Windows
+    os.register_at_fork(after_in_child=POOL.forget)

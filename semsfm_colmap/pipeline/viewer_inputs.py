@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from semsfm_colmap.errors import InputError
+from semsfm_colmap.errors import InputError, MissingDependencyError
 from semsfm_colmap.metrology.sizes.options import MetrologyOptions
 from semsfm_colmap.pipeline.measure import errors_of
 from semsfm_colmap.pipeline.project import Project
@@ -26,8 +26,8 @@ def read_viewer_inputs(project: Project) -> tuple[ViewerInputs, str]:
     try:
         specimen = read_specimen(project)
         specimen.check_one_world()
-    except InputError as error:
-        # the mesh is of another model
+    except (InputError, MissingDependencyError) as error:
+        # the mesh is of another model, or there is no ray caster
         return viewer_inputs(project, None), f"the 3-D viewer measures nothing: {error}"
     found = page_errors(specimen, errors_of(project, specimen, MetrologyOptions()))
     inputs = viewer_inputs(project, specimen)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from semsfm_colmap.errors import MissingDependencyError
 from semsfm_colmap.geometry.rotations import rotation_from_vector
 from semsfm_colmap.report.camera_frames import (
     find_view,
@@ -119,7 +120,10 @@ def textured_structure(data: FigureData) -> Figure | str:
     if mesh is None or len(mesh.faces) == 0 or data.inputs.reconstruction.num_images == 0:
         return NO_MESH
     camera = _oblique_camera(data, mesh, PIXELS_WIDE)
-    view = MeshView(mesh)
+    try:
+        view = MeshView(mesh)
+    except MissingDependencyError as error:
+        return f"not drawn: {error}"
     hits = view.hits(camera, 0, (PIXELS_WIDE, PIXELS_WIDE), PIXELS_WIDE)
     pictures, texture = [("structure", view.shaded(hits))], view.textured(hits)
     if texture is not None:

@@ -24,7 +24,7 @@ def test_full_runs_err_as_predicted():
 
 def test_without_noise_the_tracks_are_the_geometry():
     geometry = small()
-    quiet = NoiseOptions(noise_px=0.0, scale_sigma=0.0, drift_sigma_px=0.0)
+    quiet = NoiseOptions(noise_px=1e-12, scale_sigma=1e-12, drift_sigma_px=0.0)
     obs = noisy(geometry, quiet, np.random.default_rng(0))
     np.testing.assert_allclose(obs.xy, geometry.observations.xy, atol=1e-9)
 

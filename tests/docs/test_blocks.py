@@ -24,6 +24,11 @@ from tests.docs.blocks import ALL, OTHERS, PAGES, ROOT, commands_of, of, prose_o
 from tests.docs.commands import FORMS, flags_of
 
 OTHER_PROGRAMS = {
+    "apptainer",
+    "bash",
+    "docker",
+    "mkdir",
+    "rattler-build",
     "colmap",
     "dask",
     "eval",
@@ -38,7 +43,7 @@ OTHER_PROGRAMS = {
     "tilt",
 }
 
-OTHER_FLAGS = {"--ImageReader.mask_path", "--help", "--no_"}
+OTHER_FLAGS = {"--ImageReader.mask_path", "--help", "--no_", "--user"}
 """Flags in the words of a page that are another program's, or none by themselves."""
 
 

@@ -48,7 +48,14 @@ MAKING = {
 """Those of the commands that make a part of it again, or take long."""
 COMPARE = {"compare": ("PROJECT", "COPY", "--output_path", "COMPARED")}
 VIEW = {"view": ("PROJECT", "--no-browser")}
-WITHOUT_PROJECT = {"inspect", "compare-features", "synthesize", "doctor", "completion"}
+WITHOUT_PROJECT = {
+    "inspect",
+    "compare-features",
+    "synthesize",
+    "example",
+    "doctor",
+    "completion",
+}
 
 
 @pytest.fixture

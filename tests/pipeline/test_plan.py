@@ -76,5 +76,5 @@ def test_two_questions_at_once_are_none(project):
         plan(project, num_frames=5, total_deg=30.0)
     with pytest.raises(UsageError, match="give one of"):
         plan()
-    with pytest.raises(UsageError, match="--noise_px is nan"):
+    with pytest.raises(UsageError, match="noise_px of the given noise options is nan"):
         plan(project, noise=GivenNoise(noise_px=float("nan")))

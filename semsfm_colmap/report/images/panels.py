@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from semsfm_colmap.errors import InputError
+from semsfm_colmap.errors import InputError, MissingDependencyError
 from semsfm_colmap.records import MATCH_STEPS
 from semsfm_colmap.report.frames import Frames, order_frames
 from semsfm_colmap.report.images.budgets import Budgets
@@ -183,7 +183,10 @@ def _mesh_pictures(
     mesh, rec = inputs.mesh, inputs.reconstruction
     if mesh is None or len(mesh.faces) == 0 or rec.num_images == 0:
         return {}
-    view = MeshView(mesh)
+    try:
+        view = MeshView(mesh)
+    except MissingDependencyError:
+        return {}  # the core alone: what the images show is left
     image_of = dict(zip(frames.registered.tolist(), frames.image_idx.tolist(), strict=True))
     registered = list(image_of)
 

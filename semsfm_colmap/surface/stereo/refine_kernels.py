@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 import numpy as np
 
@@ -247,7 +249,8 @@ def _move(
         # window's samples are independent
         difference = max(np.float32(2.0) * (one - correlation), np.float32(0.02))
         info = denominator * half_count / difference
-        step = min(max(numerator / (denominator + tiny), -max_step), max_step)
+        step: Any = numerator / (denominator + tiny)
+        step = max_step if step > max_step else -max_step if step < -max_step else step
         depth[x] = surface[x] + step * info / (info + smoothness + tiny)
         score[x] = correlation
         information[x] = info
