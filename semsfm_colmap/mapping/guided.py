@@ -242,8 +242,9 @@ def grow_part(
     def looked(images: int, total: int) -> None:
         passes.context.progress("guided passes", done * total + images, rounds * total)
 
-    # by themselves, so that they can be sent to other processes without the guide
+    # by themselves, so that they can be sent to other processes without the guide and the context
     images, read_image, read_mask = value.images, guide.read_image, guide.read_mask
+    filtered = passes.filtered
     grown = grow_tracks(
         value.cameras,
         take_subset(observations, images=images, min_length=2).observations,
@@ -252,7 +253,7 @@ def grow_part(
         extend=extend,
         read_mask=lambda i: read_mask(int(images[i])),
         read_keypoints=lambda i: guide.read_keypoints(int(images[i])),
-        read_filtered=lambda i, high_pass_px: passes.filtered(int(images[i]), high_pass_px),
+        read_filtered=lambda i, high_pass_px: filtered(int(images[i]), high_pass_px),
         seed=passes.context.seed,
         progress=looked,
         parallel_map=guide.parallel_map,

@@ -16,6 +16,7 @@ from semsfm_colmap.pipeline.record import RunRecord
 from semsfm_colmap.pipeline.runner import run_stages
 from semsfm_colmap.records import MapRecord
 from tests.exports import consumers
+from tests.pickled import pickled_map
 
 PLAIN = config_from_dict({"guided": {"enabled": False}})
 
@@ -140,6 +141,21 @@ def test_a_second_run_gives_the_same_model_and_database(project):
     assert before[2].keys() == after[2].keys()
     for pair, rows in before[2].items():
         np.testing.assert_array_equal(rows, after[2][pair])
+
+
+class OtherProcesses:
+    """An executor whose functions and items go through pickle."""
+
+    num_workers = 2
+    shares_memory = False
+    map = staticmethod(pickled_map)
+
+
+def test_what_the_guided_pass_asks_of_other_processes_can_be_sent_to_them(project):
+    model = read_model(project / "sparse" / "0")
+    run_stages(project, Config(), names=("map",), force=True, executor=OtherProcesses())
+    again = read_model(project / "sparse" / "0")
+    np.testing.assert_array_equal(model.cameras.cam_from_world, again.cameras.cam_from_world)
 
 
 def test_without_run_json_guided_keypoints_are_not_taken_for_measured_ones(project):

@@ -41,7 +41,9 @@ def colored(values: Array, span: ColorRange, table: Array) -> Array:
     """(H, W) -> (H, W, 4) uint8, transparent where nothing is known."""
     known = np.isfinite(values)
     width = max(span.high - span.low, 1e-300)
-    at = np.clip((np.nan_to_num(values) - span.low) / width, 0.0, 1.0)
+    # an error bar may be as large as its type holds: bounded before it is scaled
+    within = np.clip(np.nan_to_num(values), span.low, span.high)
+    at = np.clip((within - span.low) / width, 0.0, 1.0)
     rgba = np.empty((*values.shape, 4), dtype=np.uint8)
     rgba[..., :3] = table[np.rint(255.0 * at).astype(np.int64)]
     rgba[..., 3] = 255 * known

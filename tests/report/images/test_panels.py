@@ -8,7 +8,13 @@ from PIL import Image
 
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.report.images.budgets import Budgets
-from semsfm_colmap.report.images.colormaps import color_range, color_table, colored, shrunk_map
+from semsfm_colmap.report.images.colormaps import (
+    ColorRange,
+    color_range,
+    color_table,
+    colored,
+    shrunk_map,
+)
 from semsfm_colmap.report.images.evidence import SeriesEvidence
 from semsfm_colmap.report.images.mesh_view import MeshView
 from semsfm_colmap.report.images.panels import build_panels
@@ -119,6 +125,12 @@ def test_a_map_in_colours_is_transparent_where_nothing_is_known():
     np.testing.assert_array_equal(rgba[0, [0, 3], :3], table[[0, 255]])
     assert color_range(np.full((2, 2), np.nan)) is None
     assert set(shrunk_map(np.arange(100.0).reshape(10, 10), 3).ravel()) <= set(range(100))
+
+
+def test_a_value_as_large_as_its_type_holds_has_the_last_colour():
+    values = np.array([[0.1, np.finfo(np.float32).max]], dtype=np.float32)
+    rgba = colored(values, ColorRange(low=0.1, high=0.4), color_table("viridis"))
+    assert rgba[0, 1, :3].tolist() == color_table("viridis")[-1].tolist()
 
 
 def camera(R, scale=20.0):
