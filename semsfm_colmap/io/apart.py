@@ -135,9 +135,11 @@ class Worker:
             code = self.process.wait(SECONDS_TO_END)
         except subprocess.TimeoutExpired:
             return "half an answer"
+        if code >= 0:  # on Windows always, which knows few of the signals
+            return f"exit code {code}"
         if code == -signal.SIGXCPU:
             return "too much processor time"
-        return signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        return signal.Signals(-code).name
 
     def end(self) -> None:
         """End the process, whatever it does."""
