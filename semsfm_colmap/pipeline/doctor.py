@@ -58,8 +58,8 @@ PACKAGE_OF = {
     "libidn2.so.0": "libidn2-0",
     "libstdc++.so.6": "libstdc++6",
 }
-"""Shared objects that the wheels link against, and the packages that have them: of Debian 12 and 13
-and of Ubuntu 24.04, which call these alike."""
+"""Shared objects that the wheels link against, and the packages that have them: as Debian 12 calls
+them, where it was tried."""
 SHARED_OBJECT = re.compile(r"(lib[\w.+-]+?\.so[.\d]*)")
 
 
