@@ -170,11 +170,8 @@ def _prepare_image(
     grey, grey_range = to_grey8(cropped, options.range_percentiles)
     if changes_pixels(options):
         grey = prepare_pixels(grey, options)
-    content = (
-        image.path.read_bytes()
-        if _stays_as_it_is(image, raw, suffix)
-        else encode_grey8(grey, suffix)
-    )
+    stays = _stays_as_it_is(image, raw, suffix)
+    content = _stored(image.path) if stays else encode_grey8(grey, suffix)
     write_bytes(content, project_path / IMAGES_FOLDER / name)
     record.grey_range[name] = grey_range
     problems = masks.add(image, name, np.asarray(grey), raw)
@@ -188,6 +185,14 @@ def _prepare_image(
         warnings=(*image.warnings, *problems),
         databar=image.databar_row is not None,
     )
+
+
+def _stored(path: Path) -> bytes:
+    """The file as it is, which may have gone since its pixels were read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise UnreadableImageError(f"cannot be read: {error.strerror}.") from error
 
 
 def _write_masks(masks: SeriesMasks, project_path: Path, record: PreparationRecord) -> list[str]:

@@ -6,10 +6,13 @@ from pathlib import Path
 import pytest
 
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.ingest.files.header import ImageHeader
+from semsfm_colmap.ingest.files.raster import RawImage
+from semsfm_colmap.ingest.files.read import read_pixels
 from semsfm_colmap.ingest.options import IngestOptions
 from semsfm_colmap.ingest.prepare import prepare_series
 from tests.ingest.images import save, texture, with_databar
-from tests.ingest.prepared import prepare
+from tests.ingest.prepared import assert_left_out, prepare
 
 OPTIONS = IngestOptions()
 
@@ -36,6 +39,21 @@ def test_a_jpeg_is_copied_byte_for_byte_or_becomes_a_png(folder: Path, tmp_path:
     bar = prepare_series(folder / "bar", tmp_path / "q", OPTIONS)
     assert bar.names == ("0.png", "1.png", "2.png")
     assert bar.frames[0].height_px == 136
+
+
+def test_a_file_that_goes_away_before_it_is_copied_is_left_out(
+    good: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_and_lose(path: Path, header: ImageHeader) -> RawImage:
+        raw = read_pixels(path, header)
+        if path.name == "lost.png":
+            path.unlink()
+        return raw
+
+    save(good / "lost.png", texture(9))
+    monkeypatch.setattr("semsfm_colmap.ingest.prepare.read_pixels", read_and_lose)
+    series = prepare(good)
+    assert_left_out(series, "lost.png", "cannot be read: No such file")
 
 
 def test_a_second_run_of_the_same_series_changes_no_byte(folder: Path, tmp_path: Path) -> None:

@@ -14,6 +14,8 @@ import numpy as np
 
 from semsfm_colmap.colmap.model.contents import all_finite
 from semsfm_colmap.colmap.model.rows import open_model, registered
+from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.apart import ONE_FILE, DiedError, call_apart
 from semsfm_colmap.types import Array, Float, Int
 
 
@@ -75,8 +77,9 @@ def read_any_model(path: Path, image_path: Path | None = None) -> AnyModel:
     model = open_model(path)
     images = registered(model)
     if image_path is not None and len(model.points3D) and not _has_colors(model):
-        # COLMAP warns of images that are missing, and leaves their points as they were
-        model.extract_colors_for_all_images(str(image_path))
+        found = _found_colors(path, image_path)
+    else:
+        found = {i: point.color for i, point in model.points3D.items()}
     number = {image.image_id: i for i, image in enumerate(images)}
     points: list[Float] = []
     colors: list[Array] = []
@@ -92,7 +95,7 @@ def read_any_model(path: Path, image_path: Path | None = None) -> AnyModel:
                 seen.setdefault(number[element.image_id], int(element.point2D_idx))
         table += [(len(points), i, seen[i]) for i in sorted(seen)]
         points.append(point.xyz)
-        colors.append(point.color)
+        colors.append(found[point_id])
     cameras = [model.cameras[image.camera_id] for image in images]
     observed: Int = np.array(table, dtype=np.int64).reshape(-1, 3)
     return AnyModel(
@@ -128,6 +131,25 @@ def image_names(path: Path) -> set[str]:
 def holds_model(path: Path) -> bool:
     """Whether a folder holds a model, binary or text."""
     return any((path / f"points3D.{end}").is_file() for end in ("bin", "txt"))
+
+
+def point_colors(path: Path, image_path: Path) -> dict[int, Array]:
+    """Colours of the points of a model by their ids, from the images that see them."""
+    model = open_model(path)
+    # COLMAP warns of images that are missing, and leaves their points as they were
+    model.extract_colors_for_all_images(str(image_path))
+    return {i: np.asarray(point.color) for i, point in model.points3D.items()}
+
+
+def _found_colors(path: Path, image_path: Path) -> dict[int, Array]:
+    """The same in a process that may die of an image of others."""
+    try:
+        return call_apart(ONE_FILE, point_colors, path.absolute(), image_path.absolute())
+    except DiedError as died:
+        raise InputError(
+            f"an image below {image_path} ended the process that took colours from it ({died}): "
+            "write the images again, or leave the folder out"
+        ) from died
 
 
 def _has_colors(model: Any) -> bool:

@@ -166,6 +166,11 @@ def check_image_path(image_path: Path) -> None:
     if not image_path.exists():
         raise UsageError(f"{image_path} does not exist; give the folder that holds the images.")
     if not image_path.is_dir() and not is_stack(image_path) and not is_tiff_stack(image_path):
+        if image_path.name.lower().endswith(OTHER_SUFFIXES):
+            raise UsageError(
+                f"{image_path}: {image_path.suffix} files are not read; save the images as TIFF or "
+                "PNG into a folder and give that."
+            )
         raise UsageError(
             f"{image_path} is not a folder; give the folder that holds the images, or an MRC stack "
             f"({', '.join(STACK_SUFFIXES)}), or a TIFF with a page for each."

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+
 import cv2
 import numpy as np
 import pytest
 
+from semsfm_colmap.colmap.model import any_model
 from semsfm_colmap.colmap.model.any_model import (
     holds_model,
     image_names,
@@ -13,6 +16,7 @@ from semsfm_colmap.colmap.model.any_model import (
     read_any_model,
 )
 from semsfm_colmap.errors import InputError
+from semsfm_colmap.io.apart import call_apart
 from tests.colmap.perspective_models import (
     DISTANCE,
     SIZE,
@@ -63,3 +67,13 @@ def test_a_folder_without_a_model_holds_none(tmp_path):
     assert not holds_model(tmp_path)
     with pytest.raises(InputError, match="holds no COLMAP model"):
         read_any_model(tmp_path)
+
+
+def test_an_image_that_ends_the_reader_of_colours_is_one_sentence(tmp_path, monkeypatch):
+    black = np.zeros((100, 3), np.uint8)
+    folder = write_model(perspective_model(ball(100), around(6), colors=black), tmp_path / "m")
+    monkeypatch.setattr(
+        any_model, "call_apart", lambda allowance, *_: call_apart(allowance, os.abort)
+    )
+    with pytest.raises(InputError, match=r"an image below .* ended the process .*SIGABRT"):
+        read_any_model(folder, tmp_path)

@@ -103,3 +103,11 @@ def test_a_path_that_is_no_folder_is_a_usage_error(folder: Path, tmp_path: Path)
     file = save(folder / "0.png", texture(0))
     with pytest.raises(UsageError, match="is not a folder"):
         prepare_series(file, tmp_path / "p", OPTIONS)
+
+
+def test_a_file_of_a_format_that_is_not_read_says_what_to_save_it_as(folder: Path) -> None:
+    folder.mkdir(exist_ok=True)
+    file = folder / "tilt.DM3"
+    file.write_bytes(b"\0\0\0\3")
+    with pytest.raises(UsageError, match=r"tilt.DM3: .DM3 files are not read; save the images as"):
+        find_images(file)
