@@ -15,6 +15,8 @@ import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from packaging.version import Version
+
 from semsfm_colmap.version import __version__
 
 
@@ -33,26 +35,12 @@ class Deprecation:
 
     def __post_init__(self) -> None:
         """Refuse what gives nobody a release to change over."""
-        if parsed(self.removed_in)[:2] <= parsed(self.since)[:2]:
+        if Version(self.removed_in).release[:2] <= Version(self.since).release[:2]:
             raise ValueError(f"{self.name}: {self.removed_in} is no release after {self.since}")
 
 
 DEPRECATIONS: tuple[Deprecation, ...] = ()
 """All that warns now."""
-
-
-def parsed(version: str) -> tuple[int, int, int]:
-    """The three numbers of a version; what stands behind them is left out.
-
-    Examples
-    --------
-    >>> parsed("1.10.2"), parsed("0.2.0rc1")
-    ((1, 10, 2), (0, 2, 0))
-
-    """
-    major, minor, patch = version.split(".")[:3]
-    digits = len(patch) - len(patch.lstrip("0123456789"))
-    return int(major), int(minor), int(patch[:digits])
 
 
 def warn_deprecated(name: str, known: Iterable[Deprecation] = DEPRECATIONS) -> None:
@@ -70,4 +58,5 @@ def warn_deprecated(name: str, known: Iterable[Deprecation] = DEPRECATIONS) -> N
 
 def overdue(known: Iterable[Deprecation], version: str = __version__) -> list[Deprecation]:
     """What a version should not have any more."""
-    return [one for one in known if parsed(version) >= parsed(one.removed_in)]
+    release = Version(version).release
+    return [one for one in known if release >= Version(one.removed_in).release]
