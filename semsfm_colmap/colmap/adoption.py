@@ -18,6 +18,7 @@ from semsfm_colmap.colmap.options import AdoptionOptions
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.alignment import Similarity, align_rotations
 from semsfm_colmap.geometry.rotations import rotation_angle
+from semsfm_colmap.io.names import same_images
 from semsfm_colmap.types import Array, Float, OrthographicCameras, Reconstruction
 
 
@@ -124,6 +125,18 @@ def compare_models(
     )
     reasons = _reasons(change, old_focal_px, reading, options, old.image_names)
     return replace(change, reasons=reasons), new
+
+
+def with_names_of(old: Reconstruction, reading: PinholeReading) -> PinholeReading:
+    """The same reading with the names that the old model has for its images."""
+    known = same_images(old.image_names, tuple(reading.rows))
+    new = reading.reconstruction
+    names = tuple(known.get(name, name) for name in new.image_names)
+    return replace(
+        reading,
+        reconstruction=replace(new, image_names=names),
+        rows={known.get(name, name): row for name, row in reading.rows.items()},
+    )
 
 
 def _mean(values: Float) -> float:

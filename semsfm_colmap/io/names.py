@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterable
-from pathlib import Path
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePosixPath
 
 from semsfm_colmap.errors import InputError
 
@@ -74,3 +74,43 @@ def as_on_disk(name: str, *, folds_case: bool = sys.platform in ("win32", "darwi
 
     """
     return name.casefold() if folds_case else name
+
+
+def name_keys(name: str) -> tuple[str, str, str, str]:
+    """What names of one image may share in two programs, the closest first.
+
+    The name, without suffix (a PNG made from a TIFF), of the file alone (a folder above or below),
+    and both.
+
+    Examples
+    --------
+    >>> name_keys("left/a.tif")
+    ('left/a.tif', 'left/a', 'a.tif', 'a')
+
+    """
+    path = PurePosixPath(name)
+    return name, str(path.with_suffix("")) if path.name else name, path.name, path.stem
+
+
+def same_images(wanted: Sequence[str], there: Sequence[str]) -> dict[str, str]:
+    """Names of `there` that mean those of `wanted`, by the first key that all of them share.
+
+    Returns
+    -------
+    the wanted name of each name there that means one; where no key finds all that are wanted and
+    tells them apart, only of names that are the same
+
+    Examples
+    --------
+    >>> same_images(["a.png", "b.png"], ["in/b.tif", "in/a.tif", "in/c.tif"])
+    {'in/a.tif': 'a.png', 'in/b.tif': 'b.png'}
+
+    """
+    for level in range(len(name_keys(""))):
+        by_key: dict[str, list[str]] = {}
+        for name in there:
+            by_key.setdefault(name_keys(name)[level], []).append(name)
+        keys = [name_keys(name)[level] for name in wanted]
+        if len(set(keys)) == len(keys) and all(len(by_key.get(key, ())) == 1 for key in keys):
+            return {by_key[key][0]: name for key, name in zip(keys, wanted, strict=True)}
+    return {name: name for name in there if name in set(wanted)}

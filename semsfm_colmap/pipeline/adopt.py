@@ -9,7 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from semsfm_colmap.bounds import CountOrNone, hold
-from semsfm_colmap.colmap.adoption import ModelChange, compare_models, old_origin
+from semsfm_colmap.colmap.adoption import (
+    ModelChange,
+    compare_models,
+    old_origin,
+    with_names_of,
+)
 from semsfm_colmap.colmap.database.work import DatabaseImage
 from semsfm_colmap.colmap.model.pinhole_reading import read_pinhole_model
 from semsfm_colmap.colmap.model.sidecar import FILE_NAME, read_sidecar
@@ -17,6 +22,7 @@ from semsfm_colmap.colmap.model.sparse import read_model, write_model
 from semsfm_colmap.colmap.options import AdoptionOptions
 from semsfm_colmap.config import Config, read_config
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.pipeline.foreign.workspace import find_model
 from semsfm_colmap.pipeline.outputs import fingerprints
 from semsfm_colmap.pipeline.project import Project, locked, open_project
 from semsfm_colmap.pipeline.record import RunRecord
@@ -39,7 +45,8 @@ def adopt_model(
     Parameters
     ----------
     project_path : the project folder
-    changed_path : COLMAP model folder, binary or text
+    changed_path : COLMAP model folder, binary or text, or a workspace around it; images may have
+        other suffixes there, or lie in other folders
     model : number of the model below sparse/ that it comes from
     options : how much change is acceptable
     dry_run : only compare; nothing is written and nothing raised for a refusal
@@ -63,14 +70,18 @@ def adopt_model(
     changed_path = Path(changed_path)
     if not target.is_dir():
         raise InputError(f"{target} does not exist: run `semsfm map` first")
+    if not changed_path.is_dir():
+        raise UsageError(f"{changed_path} is not a folder: give the one of the changed model")
+    changed_path = find_model(changed_path)
     if changed_path.resolve() == target.resolve():
         raise UsageError(
             f"{changed_path} is the project's own model: let COLMAP write to another folder"
         )
     old = read_model(target)
     focal = float(read_sidecar(target / FILE_NAME)["telecentric"]["focal_length_px"])
-    reading = read_pinhole_model(changed_path)
-    reading = read_pinhole_model(changed_path, reference=old_origin(old, reading))
+    reading = with_names_of(old, read_pinhole_model(changed_path))
+    reference = old_origin(old, reading)
+    reading = with_names_of(old, read_pinhole_model(changed_path, reference=reference))
     change, new = compare_models(old, focal, reading, options)
     if dry_run:
         return change

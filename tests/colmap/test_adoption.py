@@ -74,6 +74,71 @@ def test_an_unchanged_model_is_adopted_as_it_is(project, tmp_path) -> None:
     assert residual.max() < 1e-6
 
 
+@pytest.mark.parametrize("place", ["sparse/0", "sparse", "0", "."])
+@pytest.mark.parametrize("written", ["binary", "text with CRLF"])
+def test_a_model_is_found_below_the_folder_that_is_given(project, tmp_path, place, written) -> None:
+    before = read_model(project / "sparse" / "0")
+    folder = tmp_path / "work" / place
+    folder.mkdir(parents=True)
+    if written == "binary":
+        opened(project).write_binary(str(folder))
+    else:
+        opened(project).write_text(str(folder))
+        for file in folder.iterdir():
+            file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n"))
+    assert adopt_model(project, tmp_path / "work").rotation_deg.max() < 1e-6
+    assert read_model(project / "sparse" / "0").image_names == before.image_names
+
+
+@pytest.mark.parametrize(
+    "called",
+    [
+        lambda name: str(Path(name).with_suffix(".jpg")),
+        lambda name: f"images/{name}",
+        lambda name: str(Path("a/b", name).with_suffix(".tif")),
+    ],
+    ids=["suffix", "folder", "both"],
+)
+def test_images_under_other_suffixes_and_in_other_folders_are_the_same(
+    project, tmp_path, called
+) -> None:
+    before = read_model(project / "sparse" / "0")
+    model = opened(project)
+    for image in model.images.values():
+        image.name = called(image.name)
+    change = adopt_model(project, write(model, tmp_path / "m"))
+    assert change.num_common_observations == before.inlier.sum()
+    after = read_model(project / "sparse" / "0")
+    assert after.image_names == before.image_names
+    assert np.allclose(after.cameras.cam_from_world, before.cameras.cam_from_world, atol=1e-6)
+
+
+def test_names_of_which_one_is_another_image_are_refused(project, tmp_path) -> None:
+    model = opened(project)
+    for number, image in enumerate(model.images.values()):
+        image.name = f"images/{image.name}" if number else "images/other.png"
+    with pytest.raises(InputError, match="images are missing from the changed model"):
+        adopt_model(project, write(model, tmp_path / "m"))
+
+
+def test_a_text_model_with_a_point_that_is_nowhere_names_the_line(project, tmp_path) -> None:
+    model = opened(project)
+    model.points3D[min(model.points3D)].xyz = np.full(3, np.nan)
+    (tmp_path / "m").mkdir()
+    model.write_text(str(tmp_path / "m"))
+    with pytest.raises(InputError, match=r"points3D.txt .*line \d+: the point lies at no finite"):
+        adopt_model(project, tmp_path / "m")
+
+
+@pytest.mark.parametrize("path", ["none", "file"])
+def test_a_path_without_a_model_is_one_sentence(project, tmp_path, path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(UsageError, match="is not a folder"):
+        adopt_model(project, tmp_path / path)
+    with pytest.raises(InputError, match="holds no COLMAP model"):
+        adopt_model(project, tmp_path)
+
+
 def test_a_bundle_adjusted_model_in_another_world_comes_back_into_ours(project, tmp_path) -> None:
     before = read_model(project / "sparse" / "0")
     model = opened(project)
@@ -178,7 +243,7 @@ def test_the_command_line_adopts_and_refuses(project, tmp_path, capsys) -> None:
     assert "acceptable" in capsys.readouterr().out
     assert main(["adopt", str(project), "--model_path", str(changed)]) == 0
     assert "adopted" in capsys.readouterr().out
-    assert main(["adopt", str(project), "--model_path", str(tmp_path / "none")]) == 1
-    assert "holds no COLMAP model" in capsys.readouterr().err
+    assert main(["adopt", str(project), "--model_path", str(tmp_path / "none")]) == 2
+    assert "is not a folder" in capsys.readouterr().err
     assert main(["export", str(project), "--to", "colmap-bin", "-q"]) == 0
     assert (project / "export" / "colmap-bin" / "points3D.bin").is_file()

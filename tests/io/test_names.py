@@ -13,7 +13,7 @@ from semsfm_colmap.colmap.model.sidecar import read_sidecar
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.ingest.series.file import read_series, read_written_files, write_series
 from semsfm_colmap.io.atomic import aside_path, file_aside, folder_aside, write_text
-from semsfm_colmap.io.names import leaves_folder
+from semsfm_colmap.io.names import leaves_folder, same_images
 from semsfm_colmap.types import SemFrame, SemSeries
 
 OUTSIDE = (
@@ -130,3 +130,22 @@ def test_a_link_planted_under_the_name_of_a_folder_aside_is_not_followed(tmp_pat
     assert (victim / "precious").exists()
     assert [p.name for p in path.iterdir()] == ["new"]
     assert sorted(p.name for p in tmp_path.iterdir()) == ["maps", "victim"]
+
+
+@pytest.mark.parametrize(
+    ("there", "same"),
+    [
+        (["b.tif", "a.tif"], {"a.tif": "x/a.png", "b.tif": "x/b.png"}),
+        (["x/b.png", "x/a.png"], {"x/a.png": "x/a.png", "x/b.png": "x/b.png"}),
+        (["y/a.png", "x/a.jpg", "x/b.jpg"], {"x/a.jpg": "x/a.png", "x/b.jpg": "x/b.png"}),
+        (["y/a.png", "z/a.png", "z/b.png"], {}),
+        (["x/a.png", "c.png"], {"x/a.png": "x/a.png"}),
+    ],
+    ids=["folder and suffix", "the same", "suffix before folder", "two of one name", "one missing"],
+)
+def test_names_of_one_image_in_two_programs_are_matched_all_or_none(there, same):
+    assert same_images(["x/a.png", "x/b.png"], there) == same
+
+
+def test_names_that_only_folders_tell_apart_are_not_matched_by_the_file():
+    assert same_images(["x/a.png", "y/a.png"], ["a.png", "x/a.png"]) == {"x/a.png": "x/a.png"}

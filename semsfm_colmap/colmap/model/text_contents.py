@@ -124,6 +124,8 @@ def _points(lines: Lines) -> list[PointEntry]:
     for words in lines:
         if len(_floats(words[1:4])) < 3 or len(words) < 8 or len(words) % 2:
             raise DamageError("a point is its number, x, y, z, r, g, b, error and who sees it")
+        if not np.isfinite(_floats(words[1:4])).all():
+            raise DamageError("the point lies at no finite place; take its line out")
         if not all(0 <= _index(w) <= 255 for w in words[4:7]):
             raise DamageError("a colour is beyond 255")
         float(words[7])

@@ -15,13 +15,14 @@ import os
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from semsfm_colmap.config import Config, options_key
 from semsfm_colmap.errors import InputError, UsageError
+from semsfm_colmap.io.names import name_keys
 from semsfm_colmap.pipeline.executor import ThreadExecutor
 from semsfm_colmap.pipeline.foreign.map_database import (
     PAIRS_IN_MEMORY,
@@ -241,15 +242,15 @@ def copy_matches(
 
 
 def find_images(reader: DatabaseReader, series: SemSeries, image_path: Path) -> list[StoredImage]:
-    """The database's image of each frame: by name, else without suffix, else by the file's name.
+    """The database's image of each frame, by the closest of `name_keys` that tells them apart.
 
     The prepared image of a frame may have another suffix than its source, and a database may have
     been made from a folder above or below.
     """
     stored = reader.images()
-    keys: list[dict[str, list[StoredImage]]] = [{}, {}, {}]
+    keys: list[dict[str, list[StoredImage]]] = [{}, {}, {}, {}]
     for image in stored:
-        for names, key in zip(keys, _name_keys(image.name), strict=True):
+        for names, key in zip(keys, name_keys(image.name), strict=True):
             names.setdefault(key, []).append(image)
     found: list[StoredImage] = []
     for frame in series.frames:
@@ -257,7 +258,7 @@ def find_images(reader: DatabaseReader, series: SemSeries, image_path: Path) -> 
         match = None
         for level, names in enumerate(keys):
             for name in (frame.name, source):
-                candidates = names.get(_name_keys(name)[level], [])
+                candidates = names.get(name_keys(name)[level], [])
                 if match is None and len(candidates) == 1 and candidates[0] not in found:
                     match = candidates[0]
         if match is None:
@@ -276,11 +277,6 @@ def _below(path: Path, folder: Path) -> str:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:
         return path.name
-
-
-def _name_keys(name: str) -> Sequence[str]:
-    path = PurePosixPath(name)
-    return name, str(path.with_suffix("")), path.name
 
 
 def crop_shift(frame: SemFrame, image: StoredImage, database_path: Path) -> tuple[int, int]:

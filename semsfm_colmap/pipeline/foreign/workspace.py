@@ -109,6 +109,24 @@ def find_workspace(
     )
 
 
+def find_model(path: Path) -> Path:
+    """The model that a path means: the folder itself, else the largest where users have it.
+
+    Raises
+    ------
+    InputError
+        There is none.
+
+    """
+    models = _models(path) or _workspace_models(path)
+    if not models:
+        raise InputError(
+            f"{path} holds no COLMAP model: give the folder with points3D.bin or .txt, or one with "
+            "sparse/ in it"
+        )
+    return _largest(models)
+
+
 def _numbered(folder: Path) -> Iterator[Path]:
     """Folders named by numbers, in their order."""
     if folder.is_dir():
