@@ -151,29 +151,47 @@ def _changed(path: Path, script: str) -> Path:
     return path
 
 
-def write_4x(path: Path, content: Content, *, rigs: bool = True) -> Path:
-    """The same by the installed pycolmap, with or without rigs and frames."""
+def write_4x(
+    path: Path, content: Content, *, rigs: bool = True, cameras: int = 1, together: int = 1
+) -> Path:
+    """The same by the installed pycolmap, with or without rigs and frames.
+
+    Parameters
+    ----------
+    cameras : how many there are, the images in turn of one after the other
+    together : so many cameras are a rig, and so many images a frame
+
+    """
     with pycolmap.Database.open(str(path)) as db, pycolmap.DatabaseTransaction(db):
         width, height = content.size
-        camera = pycolmap.Camera(
-            model="SIMPLE_RADIAL", width=width, height=height, camera_id=1,
-            params=[1.2 * width, width / 2, height / 2, 0.0],
-        )  # fmt: skip
-        db.write_camera(camera, True)
-        if rigs:
-            rig = pycolmap.Rig(rig_id=1)
-            rig.add_ref_sensor(camera.sensor_id)
+        made = [
+            pycolmap.Camera(
+                model="SIMPLE_RADIAL", width=width, height=height, camera_id=k + 1,
+                params=[1.2 * width, width / 2, height / 2, 0.0],
+            )
+            for k in range(cameras)
+        ]  # fmt: skip
+        for camera in made:
+            db.write_camera(camera, True)
+        for k in range(0, cameras if rigs else 0, together):
+            rig = pycolmap.Rig(rig_id=k // together + 1)
+            rig.add_ref_sensor(made[k].sensor_id)
+            for other in made[k + 1 : k + together]:
+                rig.add_sensor(other.sensor_id, pycolmap.Rigid3d())
             db.write_rig(rig, True)
-        for name, image_id, keypoints in zip(
-            content.names, content.ids, content.keypoints, strict=True
-        ):
-            image = pycolmap.Image(name=name, camera_id=1, image_id=image_id)
+        images = []
+        for i, (name, image_id) in enumerate(zip(content.names, content.ids, strict=True)):
+            image = pycolmap.Image(name=name, camera_id=i % cameras + 1, image_id=image_id)
             db.write_image(image, True)
-            if rigs:
-                frame = pycolmap.Frame(frame_id=image_id, rig_id=1)
-                frame.add_data_id(image.data_id)
+            images.append(image)
+            db.write_keypoints(image_id, np.asarray(content.keypoints[i], dtype=np.float32))
+        if rigs:
+            for i in range(0, len(images), together):
+                rig_id = i % cameras // together + 1
+                frame = pycolmap.Frame(frame_id=images[i].image_id, rig_id=rig_id)
+                for image in images[i : i + together]:
+                    frame.add_data_id(image.data_id)
                 db.write_frame(frame, True)
-            db.write_keypoints(image_id, np.asarray(keypoints, dtype=np.float32))
         for (a, b), rows in content.stored(content.raw).items():
             db.write_matches(a, b, np.ascontiguousarray(rows, dtype=np.uint32))
         for (a, b), rows in content.stored(content.verified).items():

@@ -58,6 +58,9 @@ CASES = {
         lambda p, c: write_4x(p, c, rigs=False),
         {"verified": False, "columns": 4},
     ),
+    "4.x, a camera an image": (lambda p, c: write_4x(p, c, cameras=8), {}),
+    "4.x, a camera an image, no rigs": (lambda p, c: write_4x(p, c, cameras=8, rigs=False), {}),
+    "4.x, rigs of two cameras": (lambda p, c: write_4x(p, c, cameras=2, together=2), {}),
     "ids without order": (write_38, {"ids": (5, 9, 2, 700, 3, 11, 12, 4), "names": UNORDERED}),
 }
 
@@ -316,7 +319,10 @@ def test_a_projects_own_matches_are_verified_as_the_project_did(small_project, t
     assert all(np.array_equal(found[pair], stored[pair]) for pair in found)
 
 
-@pytest.mark.parametrize("case", ["4.x with rigs", "ids without order"])
+@pytest.mark.parametrize(
+    "case",
+    ["4.x with rigs", "4.x, a camera an image", "4.x, rigs of two cameras", "ids without order"],
+)
 def test_pycolmap_goes_on_with_the_model_and_the_database_beside_it(case, tmp_path):
     write, options = CASES[case]
     content, _ = simulated_content(wrong_share=0.0, **options)
