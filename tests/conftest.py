@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,12 @@ from semsfm_colmap.synthetic.series import synthesize
 
 DATA = Path(__file__).parents[1] / ".." / "shared" / "data"
 CASES = DATA.parent / "cases"
+
+
+def pytest_configure() -> None:
+    """Let an interrupt arrive where the run was begun in the background, which ignores it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,7 @@ from semsfm_colmap.records import MapRecord, TiltAgreement
 from tests.conftest import DATA
 
 NICKEL = DATA / "synth_nickel"
-CONFIG = Config(features=FeatureOptions(max_num_features=4000))
+CONFIG = Config(features=FeatureOptions(max_num_features=2500))
 pytestmark = [
     pytest.mark.data,
     pytest.mark.slow,

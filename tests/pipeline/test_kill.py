@@ -115,6 +115,7 @@ def test_random_moments_of_a_run_end_with_the_same_model(tiny_images, tmp_path):
     command = [sys.executable, "-m", "benchmarks.reliability", "--only", "kills"]
     command += ["--number", "2", "--seed", "5"]
     command += ["--images", str(tiny_images), "--output", str(tmp_path / "out")]
+    command += ["--", "--quality", "low"]
     root = Path(__file__).parents[2]
     done = subprocess.run(command, capture_output=True, text=True, timeout=900, cwd=root)
     assert done.returncode == 0, done.stdout + done.stderr

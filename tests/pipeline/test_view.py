@@ -221,9 +221,11 @@ def test_an_interrupt_from_outside_ends_the_command_without_a_trace(project):
         assert process.stderr is not None
         assert process.stderr.readline().startswith("http://127.0.0.1:")
         process.send_signal(signal.SIGINT)
-        said = process.stderr.read()
-        assert process.wait(timeout=30) == 0
-    assert said == "ended\n"
+        try:
+            _, said = process.communicate(timeout=30)
+        finally:
+            process.kill()
+    assert (process.returncode, said) == (0, "ended\n")
 
 
 def test_a_folder_that_is_not_there_is_told(tmp_path):
