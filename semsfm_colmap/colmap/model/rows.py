@@ -10,7 +10,7 @@ import numpy as np
 
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.binary_contents import read_binary_contents
-from semsfm_colmap.colmap.model.contents import CLASSIC, check_contents
+from semsfm_colmap.colmap.model.contents import CLASSIC, Contents, check_contents
 from semsfm_colmap.colmap.model.text_contents import read_text_contents
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.types import Float
@@ -29,7 +29,12 @@ class ModelRow:
 
 
 def open_model(path: Path) -> Any:
-    """A pycolmap.Reconstruction; one sentence when the folder holds none, or a damaged one.
+    """A pycolmap.Reconstruction; one sentence when the folder holds none, or a damaged one."""
+    return open_with_contents(path)[0]
+
+
+def open_with_contents(path: Path) -> tuple[Any, Contents]:
+    """A pycolmap.Reconstruction, and keypoints and tracks as arrays.
 
     Nothing is handed to pycolmap before its counts and references are known to be possible.
     """
@@ -51,7 +56,7 @@ def open_model(path: Path) -> Any:
         raise InputError(f"{path} cannot be read as a COLMAP model ({text})") from error
     for image in contents.images:
         model.images[image.image_id].name = image.name  # its reader of text cuts them at a space
-    return model
+    return model, contents
 
 
 def model_files(path: Path) -> str:

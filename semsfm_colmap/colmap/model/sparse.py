@@ -13,10 +13,10 @@ import numpy as np
 from semsfm_colmap.colmap.database.work import DatabaseImage
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.build import build_model
-from semsfm_colmap.colmap.model.contents import all_finite
+from semsfm_colmap.colmap.model.contents import Contents, all_finite
 from semsfm_colmap.colmap.model.points_ply import FILE_NAME as POINTS_FILE_NAME
 from semsfm_colmap.colmap.model.points_ply import covariance_of, read_points_ply, write_points_ply
-from semsfm_colmap.colmap.model.rows import open_model
+from semsfm_colmap.colmap.model.rows import open_with_contents
 from semsfm_colmap.colmap.model.sidecar import (
     FILE_NAME,
     cameras_from_sidecar,
@@ -35,7 +35,7 @@ from semsfm_colmap.colmap.options import ExportOptions
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.geometry.perspective import Perspective
 from semsfm_colmap.io.atomic import folder_aside
-from semsfm_colmap.types import Array, Float, Observations, Reconstruction
+from semsfm_colmap.types import Float, Observations, Reconstruction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,7 +189,7 @@ def read_model(path: Path | str) -> Reconstruction:
     if not (path / "points3D.bin").is_file() and not (path / "points3D.txt").is_file():
         raise InputError(f"{path} holds no COLMAP model: run `semsfm map` first")
     data = read_sidecar(path / FILE_NAME)
-    model = open_model(path)
+    model, contents = open_with_contents(path)
     images = sorted(model.images.values(), key=lambda image: image.image_id)
     order = {name: k for k, name in enumerate(data["images"])}
     missing = [image.name for image in images if image.name not in order]
@@ -200,32 +200,14 @@ def read_model(path: Path | str) -> Reconstruction:
         )
     images.sort(key=lambda image: order[image.name])
     names = tuple(image.name for image in images)
-    number = {image.image_id: i for i, image in enumerate(images)}
-    xy_of = [np.asarray([p.xy for p in image.points2D]).reshape(-1, 2) for image in images]
-    rows: list[tuple[int, int, int]] = []
-    points, colors = [], []
-    for j, point_id in enumerate(sorted(model.points3D)):
-        point = model.points3D[point_id]
-        if not all_finite(point.xyz):
-            raise InputError(
-                f"{path} has a point at a place that is not finite: run `semsfm map` again"
-            )
-        points.append(point.xyz)
-        colors.append(point.color)
-        rows += [
-            (j, number[e.image_id], e.point2D_idx)
-            for e in sorted(point.track.elements, key=lambda e: number[e.image_id])
-        ]
-    table: Array = np.array(rows, dtype=np.int64).reshape(-1, 3)
-    xy = np.array([xy_of[i][k] for _, i, k in rows]).reshape(-1, 2)
-    observations = Observations(
-        track_idx=table[:, 0],
-        image_idx=table[:, 1],
-        keypoint_idx=table[:, 2],
-        xy=xy,
-        num_images=len(names),
-        num_tracks=len(points),
-    )
+    point_ids = sorted(model.points3D)
+    stored = [model.points3D[point_id] for point_id in point_ids]
+    points = np.array([point.xyz for point in stored]).reshape(-1, 3)
+    if not all_finite(points):
+        raise InputError(
+            f"{path} has a point at a place that is not finite: run `semsfm map` again"
+        )
+    observations = _observations(contents, point_ids, [image.image_id for image in images])
     sizes = np.array(
         [(model.cameras[i.camera_id].width, model.cameras[i.camera_id].height) for i in images]
     )
@@ -233,10 +215,10 @@ def read_model(path: Path | str) -> Reconstruction:
         image_names=names,
         image_size_px=sizes,
         cameras=cameras_from_sidecar(data, names),
-        points=np.array(points).reshape(-1, 3),
+        points=points,
         observations=observations,
-        inlier=np.ones(len(rows), dtype=bool),
-        point_color=np.array(colors, dtype=np.uint8).reshape(-1, 3),
+        inlier=np.ones(len(observations), dtype=bool),
+        point_color=np.array([point.color for point in stored], dtype=np.uint8).reshape(-1, 3),
         world_unit=data["world_unit"],
         pixel_size_um=(data["pixel_size"] or {}).get("value"),
         pixel_size_source=(data["pixel_size"] or {}).get("source", "none"),
@@ -257,6 +239,32 @@ def read_model(path: Path | str) -> Reconstruction:
         )
     covariance = stored_covariance(path / POINTS_FILE_NAME, reconstruction.points)
     return replace(reconstruction, point_covariance=covariance)
+
+
+def _observations(contents: Contents, point_ids: list[int], image_ids: list[int]) -> Observations:
+    """The tracks of the points in the order of `point_ids`, by image in that of `image_ids`."""
+    tracks = {point.point_id: point.track for point in contents.points}
+    lengths = [len(tracks[point_id]) for point_id in point_ids]
+    elements = np.concatenate(
+        [np.zeros((0, 2), np.uint32), *(tracks[point_id] for point_id in point_ids)]
+    )
+    by_id = np.argsort(image_ids)
+    image_idx = by_id[np.searchsorted(np.array(image_ids)[by_id], elements[:, 0])]
+    track_idx = np.repeat(np.arange(len(point_ids)), lengths)
+    rows = np.lexsort((image_idx, track_idx))
+    track_idx, image_idx = track_idx[rows], image_idx[rows]
+    keypoint_idx = elements[rows, 1].astype(np.int64)
+    keypoints = {image.image_id: image.xy for image in contents.images}
+    first = np.cumsum([0, *(len(keypoints[i]) for i in image_ids)])
+    xy = np.concatenate([np.zeros((0, 2)), *(keypoints[i] for i in image_ids)])
+    return Observations(
+        track_idx=track_idx,
+        image_idx=image_idx,
+        keypoint_idx=keypoint_idx,
+        xy=xy[first[image_idx] + keypoint_idx],
+        num_images=len(image_ids),
+        num_tracks=len(point_ids),
+    )
 
 
 def stored_covariance(path: Path, points: Float) -> Float | None:
