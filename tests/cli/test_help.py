@@ -30,7 +30,9 @@ def flags(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_the_flags_are_those_that_tyro_knows(name, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "90")  # one column of boxes
-    text = help_of(capsys, name, "--help-all")
+    # below the description, a line of which may begin with a flag
+    page = help_of(capsys, name, "--help-all")
+    text = re.split(r"^\W*options\b", page, maxsplit=1, flags=re.MULTILINE)[1]
     # a row of a box, with or without its edge, that begins with a flag: "-v, --verbose"
     rows = re.findall(r"^[│| ]{0,2}(--?[a-z].*)$", text, flags=re.MULTILINE)
     known = {flag for row in rows for flag in re.findall(r"(?<![\w-])--?[a-z][\w.]*", row)}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.colmap.model.contents import all_finite
-from semsfm_colmap.colmap.model.rows import open_model, registered
+from semsfm_colmap.colmap.model.rows import is_perspective, open_model, registered
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.io.apart import ONE_FILE, DiedError, call_apart
 from semsfm_colmap.types import Array, Float, Int
@@ -157,6 +157,6 @@ def _has_colors(model: Any) -> bool:
 
 
 def _matrix(camera: Any) -> Float:
-    if not (camera.is_perspective() and camera.is_undistorted()):
+    if not (is_perspective(camera) and camera.is_undistorted()):
         return np.full((3, 3), np.nan)
     return np.asarray(camera.calibration_matrix(), dtype=np.float64)

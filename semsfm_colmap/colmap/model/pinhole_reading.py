@@ -21,7 +21,13 @@ from typing import Any
 import numpy as np
 
 from semsfm_colmap.colmap.model.contents import MAX_NUMBER
-from semsfm_colmap.colmap.model.rows import ModelRow, open_model, registered, rows_of
+from semsfm_colmap.colmap.model.rows import (
+    ModelRow,
+    is_perspective,
+    open_model,
+    registered,
+    rows_of,
+)
 from semsfm_colmap.errors import InputError
 from semsfm_colmap.types import (
     Array,
@@ -186,7 +192,7 @@ def _cameras(
     R, s, t, focal = [], [], [], []
     for image in images:
         camera = model.cameras[image.camera_id]
-        if not camera.is_perspective():
+        if not is_perspective(camera):
             raise InputError(
                 f"{path} is not a model of parallel projection: {image.name} has the camera model "
                 f"{camera.model_name}"

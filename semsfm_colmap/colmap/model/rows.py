@@ -77,6 +77,11 @@ def model_files(path: Path) -> str:
     raise InputError(f"{path} holds no COLMAP model: give the folder with points3D.bin or .txt")
 
 
+def is_perspective(camera: Any) -> bool:
+    """Whether its rays meet in the image plane: pycolmap 4.0 knows no camera of another kind."""
+    return bool(getattr(camera, "is_perspective", lambda: True)())
+
+
 def registered(model: Any) -> list[Any]:
     """The images that have a pose, by id."""
     images = [image for image in model.images.values() if image.has_pose]
