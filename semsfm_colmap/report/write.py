@@ -7,6 +7,7 @@ new one, and never half of either. Other files in the folder are left alone.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from semsfm_colmap.errors import UsageError
@@ -48,8 +49,13 @@ def write_report(
     Returns the metrics; raises UsageError when the folder cannot be written.
     """
     metrics = compute_metrics(inputs)
-    figures = draw_figures(inputs, metrics, options, progress)
-    panels = build_panels(inputs, inputs.reconstruction.residuals(), parallel_map=parallel_map)
+    # the panels' time goes to coders and ray casting, which leave Python to the figures
+    with ThreadPoolExecutor(max_workers=1) as beside:
+        coming = beside.submit(
+            build_panels, inputs, inputs.reconstruction.residuals(), parallel_map=parallel_map
+        )
+        figures = draw_figures(inputs, metrics, options, progress)
+        panels = coming.result()
     page = render_page(inputs, metrics, figures, options, panels)
     try:
         with (
