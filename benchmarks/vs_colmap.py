@@ -8,15 +8,18 @@ expert     a fixed focal length of 1e5 px (all but parallel), the filter on foca
            no normalisation by camera centres: the best set-up known for parallel projection
 
 Rotation errors are medians after the best common rotation, for the hand that fits better; "hand"
-says whether that is the hand the program gave. Times are wall-clock seconds on a shared machine:
-compare columns of one run, never runs.
+says whether that is the hand the program gave. Times are wall-clock seconds, processor seconds
+those of all threads, both medians over `--runs` of each program in turn: compare rows of one run,
+never runs.
 """
 
 from __future__ import annotations
 
+import resource
 import shutil
 import time
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +47,8 @@ HEAD = (
     "match s",
     "map s",
     "images to sparse s",
+    "CPU s",
+    "times as long as ours",
 )
 
 
@@ -60,6 +65,36 @@ class Row:
     rms_px: float = float("nan")
     num_points: int = 0
     seconds: dict[str, float] = field(default_factory=dict)
+    cpu_s: float = float("nan")
+
+    @property
+    def total_s(self) -> float:
+        """From images to a sparse model."""
+        return sum(self.seconds.values()) if self.seconds else float("nan")
+
+
+def cpu_seconds() -> float:
+    """Processor seconds of this process so far, and of those that it waited for."""
+    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in used)
+
+
+def timed(run: Callable[[], Row]) -> Row:
+    """The row of a run with its processor seconds."""
+    before = cpu_seconds()
+    row = run()
+    return replace(row, cpu_s=cpu_seconds() - before)
+
+
+def median_row(rows: list[Row]) -> Row:
+    """The run in the middle by its time, with the medians of all times and of the error."""
+    middle = sorted(rows, key=lambda row: row.total_s)[len(rows) // 2]
+    return replace(
+        middle,
+        seconds={k: float(np.median([row.seconds[k] for row in rows])) for k in middle.seconds},
+        cpu_s=float(np.median([row.cpu_s for row in rows])),
+        error_deg=float(np.median([row.error_deg for row in rows])),
+    )
 
 
 def compare_rotations(names: list[str], R: Any, series: Path) -> tuple[float, str]:
@@ -167,7 +202,9 @@ def run_colmap(series: Path, folder: Path, *, expert: bool) -> Row:
 def table(rows: list[Row]) -> str:
     """In Markdown."""
     cells = []
+    ours: dict[str, float] = {}
     for r in rows:
+        ours.setdefault(r.series, r.total_s)  # the first of a series
         s = [r.seconds.get(k, float("nan")) for k in ("extract", "match", "map")]
         cells.append(
             [
@@ -178,7 +215,8 @@ def table(rows: list[Row]) -> str:
                 r.hand,
                 f"{r.rms_px:.2f}",
                 r.num_points,
-                *(f"{seconds:.1f}" for seconds in (*s, sum(s))),
+                *(f"{seconds:.1f}" for seconds in (*s, r.total_s, r.cpu_s)),
+                f"{r.total_s / ours[r.series]:.1f}",
             ]
         )
     return tables.table(HEAD, cells)
@@ -207,18 +245,25 @@ def main() -> None:
     parser.add_argument("series", nargs="+", type=Path, metavar="SERIES")
     parser.add_argument("--output", type=Path, default=Path("out/benchmark_vs_colmap"))
     parser.add_argument("--skip-defaults", action="store_true", help="the expert set-up alone")
+    parser.add_argument("--runs", type=int, default=3, help="of each program, for medians")
     tables.add_page_option(parser, "vs_colmap")
     args = parser.parse_args()
     warm_up()
     rows = []
     for series in args.series:
         folder = args.output / series.name
-        shutil.rmtree(folder, ignore_errors=True)
-        rows.append(run_ours(series, folder))
+        programs: list[Callable[[], Row]] = [
+            lambda s=series, f=folder: run_ours(s, f),  # type: ignore[misc]
+            lambda s=series, f=folder: run_colmap(s, f, expert=True),  # type: ignore[misc]
+        ]
         if not args.skip_defaults:
-            rows.append(run_colmap(series, folder, expert=False))
-        rows.append(run_colmap(series, folder, expert=True))
-        print(table(rows[-3:]), flush=True)
+            programs.insert(1, lambda s=series, f=folder: run_colmap(s, f, expert=False))  # type: ignore[misc]
+        runs = []
+        for _ in range(args.runs):
+            shutil.rmtree(folder, ignore_errors=True)
+            runs.append([timed(run) for run in programs])
+            print(table(runs[-1]), flush=True)
+        rows += [median_row(list(of_one)) for of_one in zip(*runs, strict=True)]
     text = table(rows)
     print("\n" + text)
     if args.markdown:
