@@ -10,6 +10,8 @@ shrink by the root of two for no information. Three cases:
 
 Of copies the one is kept whose header says most. Frames are compared reduced, after a shift and a
 change of brightness; a turn of the specimen leaves differences with structure where noise has none.
+Of two frames of one width, one of which has lost its databar or has one that was not found, the
+rows that both have are compared.
 """
 
 from __future__ import annotations
@@ -42,6 +44,8 @@ makes 0.1 of it, and a specimen turned by a degree 0.5 and more."""
 MAX_SHIFT = 0.1
 """Shift of a view taken again, relative to the longer side."""
 ALIGN_STEPS = 20
+MIN_COMMON_ROWS = 0.7
+"""Least share of the rows of a frame that another must have: databars take less than the rest."""
 ROUNDING = 0.5
 """Grey levels of a difference in which no structure is looked for."""
 SHARED_NOISE = 0.6
@@ -111,7 +115,15 @@ def _candidates(views: Sequence[View]) -> list[tuple[int, int]]:
     if len(views) < 2:
         return []
     side = (FIRST_SIDE_PX, FIRST_SIDE_PX)
-    tiny = [cv2.resize(v.small, side, interpolation=cv2.INTER_AREA).ravel() for v in views]
+    least: dict[int, int] = {}
+    for view in views:
+        rows, width = view.small.shape
+        least[width] = min(rows, least.get(width, rows))
+    tiny = []
+    for view in views:
+        rows, width = view.small.shape
+        common = least[width] if least[width] >= MIN_COMMON_ROWS * rows else rows
+        tiny.append(cv2.resize(view.small[:common], side, interpolation=cv2.INTER_AREA).ravel())
     vectors = np.array(tiny, dtype=np.float32)
     vectors -= vectors.mean(axis=1, keepdims=True)
     vectors /= np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-6)
@@ -132,9 +144,10 @@ def _compare(one: SourceImage, a: View, other: SourceImage, b: View) -> tuple[bo
     """Whether two frames show one view, and whether one of them is a copy of the other."""
     if a.digest == b.digest:
         return True, True
-    if a.small.shape != b.small.shape:
+    rows = sorted((a.small.shape[0], b.small.shape[0]))
+    if a.small.shape[1] != b.small.shape[1] or rows[0] < MIN_COMMON_ROWS * rows[1]:
         return False, False
-    difference, contrast = _difference(a.small, b.small)
+    difference, contrast = _difference(a.small[: rows[0]], b.small[: rows[0]])
     size = float(difference.std())
     if contrast == 0 or size > MAX_DIFFERENCE * contrast:
         return False, False

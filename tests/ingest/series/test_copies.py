@@ -110,3 +110,21 @@ def test_an_export_without_the_databar_is_a_copy(folder: Path) -> None:
         save(folder / f"f{i}.jpg", with_databar(texture(i))[:136], quality=90)
     series = prepare_series(folder, folder.parent / "p", replace(OPTIONS))
     assert series.names == ("f0.tif", "f1.tif", "f2.tif")
+
+
+def test_a_view_taken_again_is_said_where_its_databar_is_not_found(folder: Path) -> None:
+    for i in range(3):
+        save(folder / f"{i}.png", with_databar(noisy(clean(i), i)))
+    # noise over the databar too: there is none to the eye of the program
+    save(folder / "again.png", noisy(with_databar(noisy(clean(1), 17)).astype(float), 18))
+    said = [w for w in prepare(folder).warnings if "again: a frame more of the same view" in w]
+    assert len(said) == 1
+    assert "1.png" in said[0]
+    assert "again.png" in said[0]
+
+
+def test_frames_of_another_format_are_not_compared(folder: Path) -> None:
+    for i in range(3):
+        save(folder / f"{i}.png", noisy(clean(i), i))
+    save(folder / "strip.png", noisy(clean(1), 17)[:100])  # less than databars leave
+    assert not any("again" in warning for warning in prepare(folder).warnings)
