@@ -150,10 +150,10 @@ def test_what_stands_over_the_truth_beside_the_region_is_left_out(field, tmp_pat
     model = read_model(copy / "sparse" / "0")
     mesh = read_ply_mesh(copy / "mesh" / "mesh.ply")
     x, y = project_centre(copy)
-    region = (x - 25.0, y - 25.0, x + 25.0, y + 25.0)
+    region = (x - 35.0, y - 35.0, x + 35.0, y + 35.0)
     up = np.array(height_map(copy, FEW, region=region)["axes"])[2]
     shown = model.cameras.project(mesh.vertices, np.zeros(len(mesh.vertices), dtype=int))
-    below = np.all(np.abs(shown - [x, y]) < 25.0, axis=1)
+    below = np.all(np.abs(shown - [x, y]) < 35.0, axis=1)
     # the map looks down along `up`, the image 17 degrees from it: 74 px to the side
     roof = mesh.vertices + 250.0 * PX * up
     faces = mesh.faces[below[mesh.faces].all(axis=1)]

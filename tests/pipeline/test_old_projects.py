@@ -28,7 +28,7 @@ READING = {
     "segment": ("PROJECT",),
     "measure": ("PROJECT", "--points", "grain_002.png:53,56", "grain_002.png:49,60"),
     "goniometer": ("PROJECT",),
-    "heightmap": ("PROJECT", "--spacing", "0.3"),
+    "heightmap": ("PROJECT", "--spacing", "0.2"),
     "export": ("PROJECT", "--to", "ply"),
     "adopt": ("PROJECT", "--model_path", "PROJECT/sparse/1", "--dry_run"),
     "evaluate": ("PROJECT", "TRUTH"),
