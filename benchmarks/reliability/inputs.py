@@ -268,7 +268,7 @@ ROWS = (
         make=pixels(lambda a: a[:20, :20])),
     Bad(what="each frame 2 % less high", make=every(shrinking), says="size"),
     Bad(what="a background that stays in place", make=every(standing),
-        says="stand still", code=1),
+        says="; features stand still", code=1),
     Bad(what="CMYK", make=cmyk, says=""),
     Bad(what="equal names in folders", make=in_folders, says=""),
     Bad(what="a link to nothing", make=add("link.tif", None), says="link.tif"),
