@@ -32,7 +32,7 @@ def three_js() -> str:
     found = LIBRARY.search(scene_to_html(trimesh.Scene(triangle)))
     if found is None or "OrthographicCamera" not in found[0]:
         raise MissingDependencyError(
-            f"trimesh {trimesh.__version__} does not bring three.js along as the releases from 4.4 "
-            "on did: install one of those for the 3-D viewer"
+            f"trimesh {trimesh.__version__} does not bring three.js along as the releases from "
+            "4.10 on did: install one of those for the 3-D viewer"
         )
     return found[0].replace("</script", "<\\/script")

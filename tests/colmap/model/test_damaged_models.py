@@ -36,7 +36,10 @@ def model(sound, tmp_path):
 
 
 def test_the_camera_models_are_those_of_pycolmap():
-    for number, (name, count) in enumerate(zip(MODELS, PARAMETERS, strict=True)):
+    # version 4.0 knows the first ones
+    known = len(pycolmap.CameraModelId.__members__) - 1  # INVALID is one of them
+    assert known >= 16
+    for number, (name, count) in enumerate(zip(MODELS[:known], PARAMETERS[:known], strict=True)):
         camera = pycolmap.Camera.create_from_model_id(
             1, pycolmap.CameraModelId(number), 10.0, 10, 10
         )
