@@ -15,7 +15,6 @@ never runs.
 
 from __future__ import annotations
 
-import resource
 import shutil
 import time
 from collections.abc import Callable
@@ -26,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import tables
+from benchmarks.profile import cpu_seconds
 from semsfm_colmap.colmap.library import pycolmap
 from semsfm_colmap.colmap.model.sparse import read_model
 from semsfm_colmap.config import Config
@@ -71,12 +71,6 @@ class Row:
     def total_s(self) -> float:
         """From images to a sparse model."""
         return sum(self.seconds.values()) if self.seconds else float("nan")
-
-
-def cpu_seconds() -> float:
-    """Processor seconds of this process so far, and of those that it waited for."""
-    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(usage.ru_utime + usage.ru_stime for usage in used)
 
 
 def timed(run: Callable[[], Row]) -> Row:

@@ -44,4 +44,6 @@ def test_a_thing_is_not_taken_away_within_the_minor_version_that_began_to_warn(r
 
 
 def test_the_version_is_a_semantic_one():
-    assert len(Version(__version__).release) == 3
+    release = Version(__version__).release
+    assert len(release) == 3
+    assert __version__.startswith(".".join(map(str, release)))
