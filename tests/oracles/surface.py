@@ -97,8 +97,20 @@ def surface_step(
     return float(moved), float(mean), float(information)
 
 
-def semi_global_sum(cost: Array, grey: Array, p1: int, p2: int, grey_step: float) -> Int:
-    """Hirschmueller's recursion, one path after the other: (H, W, D)."""
+def surface_jump(base: Array, here: tuple[int, int], there: tuple[int, int], step: float) -> int:
+    """Labels by which a base surface is higher here than its slopes let expect from there."""
+    y, x = here
+    yb, xb = there
+    p = 0.5 * (float(base[1, y, x]) + float(base[1, yb, xb]))
+    q = 0.5 * (float(base[2, y, x]) + float(base[2, yb, xb]))
+    rise = p * (x - xb) + q * (y - yb)
+    return round((float(base[0, y, x]) - float(base[0, yb, xb]) - rise) / step)
+
+
+def semi_global_sum(
+    cost: Array, grey: Array, base: Array, step: float, p1: int, p2: int, grey_step: float
+) -> Int:
+    """Hirschmueller's recursion over a base surface, one path after the other: (H, W, D)."""
     H, W, D = cost.shape
     total = np.zeros((H, W, D), dtype=np.int64)
     for dy, dx in [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)]:
@@ -111,13 +123,15 @@ def semi_global_sum(cost: Array, grey: Array, p1: int, p2: int, grey_step: float
                 if not (0 <= yb < H and 0 <= xb < W):
                     path[y, x] = cost[y, x]
                     continue
-                step = abs(float(grey[y, x]) - float(grey[yb, xb]))
-                jump = max(int(p2 / (1.0 + step / grey_step)), p1 + 1)
+                change = abs(float(grey[y, x]) - float(grey[yb, xb]))
+                jump = max(int(p2 / (1.0 + change / grey_step)), p1 + 1)
                 before = path[yb, xb]
+                higher = surface_jump(base, (y, x), (yb, xb), step)
                 for d in range(D):
-                    choices = [before[d], before.min() + jump]
-                    choices += [before[d - 1] + p1] if d > 0 else []
-                    choices += [before[d + 1] + p1] if d < D - 1 else []
+                    choices = [before.min() + jump]
+                    for k in (-1, 0, 1):
+                        if 0 <= d + higher + k < D:
+                            choices.append(before[d + higher + k] + p1 * abs(k))
                     path[y, x, d] = int(cost[y, x, d]) + min(choices) - before.min()
         total += path
     return total

@@ -2,12 +2,16 @@
 
 Windows that straddle a silhouette match on the bright edge alone and give the dark pixels next to
 it the edge's depth: a halo of the window's radius around everything. Where a large region finds no
-correlation at any depth it is background; a pixel near it whose grey lies on the background's side
-of half-way between the local background and the local specimen belongs to it. An image that the
-specimen fills has no such region and loses nothing.
+correlation at any depth it is background, and so is one that finds little and is darker or brighter
+than the specimen beside it: a specimen of little texture correlates little too, but is as grey as
+the rest of it. A pixel near the background whose grey lies on the background's side of half-way
+between the local background and the local specimen belongs to it. An image that the specimen fills
+has no such region and loses nothing.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -18,22 +22,62 @@ _MIN_REGION = 0.002
 _MIN_CONTRAST_SIGMA = 4.0
 """Specimen and background must differ by this many deviations of the noise to be told apart."""
 _UNCORRELATED = 0.35
-"""Mean of the best correlation over a window: noise reaches 0.2 to 0.3, texture 0.6 and more."""
+"""Mean of the best correlation over a window: noise that compression has shaped reaches 0.35,
+little texture under much noise 0.3 to 0.6, texture 0.6 and more."""
+_NOTHING = 0.2
+"""Below it there is no texture at all: plain noise reaches 0.15, little texture 0.3 and more."""
+_MIN_SEPARATION = 0.9
+"""Share of pairs, one pixel of each, in which the specimen is the brighter one (or the darker)."""
+_REACH = 4
+"""How far beside a region the specimen is looked at, in its radii."""
+_CALM_PX = 1.5
+"""Greys are compared after smoothing by this, against noise."""
 
 
-def uncorrelated_region(correlation: Array, radius: int) -> Bool:
-    """Large regions where nothing correlates at any depth: (H, W) -> (H, W) bool.
+def uncorrelated_region(correlation: Array, grey: Array, radius: int) -> Bool:
+    """Large regions of background: (H, W) bool.
 
-    `correlation` is the best one over all depths, `radius` that of the window it is averaged over.
+    Parameters
+    ----------
+    correlation : (H, W) the best one over all depths
+    grey : (H, W) float32
+    radius : of the window that it is averaged over
+
     """
     import cv2
 
     size = 2 * radius + 1
-    empty = (cv2.blur(correlation, (size, size)) < _UNCORRELATED).astype(np.uint8)
-    count, label, stats, _ = cv2.connectedComponentsWithStats(empty, connectivity=4)
-    large = np.asarray(stats[:, cv2.CC_STAT_AREA] >= _MIN_REGION * empty.size)
-    large[0] = False
-    return large[label] if count > 1 else np.zeros(empty.shape, dtype=bool)
+    mean = cv2.blur(correlation, (size, size))
+    out = np.zeros(mean.shape, dtype=bool)
+    for region in _large(mean < _NOTHING):
+        out |= region
+    calm = cv2.GaussianBlur(grey, (0, 0), _CALM_PX)
+    # beyond the halo
+    specimen = cv2.erode((mean >= _UNCORRELATED).astype(np.uint8), np.ones((size, size))) > 0
+    beside = np.ones((2 * _REACH * radius + 1,) * 2, np.uint8)
+    for region in _large(mean < _UNCORRELATED):
+        near = specimen & (cv2.dilate(region.astype(np.uint8), beside) > 0)
+        if _separation(calm[region], calm[near]) >= _MIN_SEPARATION:
+            out |= region
+    return out
+
+
+def _large(mask: Bool) -> Iterator[Bool]:
+    """The connected parts of a mask that cover enough of the image, one by one."""
+    import cv2
+
+    count, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
+    for k in range(1, count):
+        if stats[k, cv2.CC_STAT_AREA] >= _MIN_REGION * mask.size:
+            yield label == k
+
+
+def _separation(region: Array, specimen: Array) -> float:
+    """In what share of pairs of values one is above the other, whichever comes more often."""
+    if len(specimen) == 0:
+        return 1.0  # nothing but background is near
+    above = np.searchsorted(np.sort(region), specimen).mean() / len(region)
+    return float(max(above, 1.0 - above))
 
 
 def background(grey: Array, empty: Bool, halo: int, noise: float) -> Bool:

@@ -144,10 +144,11 @@ def sweep_depth_map(
         return nothing
 
     coarse = read_level(reconstruction, reference, neighbors, readers[0])
-    planes = np.full(coarse.grey.shape, np.float32(0.5 * (limits[0] + limits[1])))
+    planes = np.zeros((3, *coarse.grey.shape), dtype=np.float32)
+    planes[0] = 0.5 * (limits[0] + limits[1])
     half_range = 0.5 * (limits[1] - limits[0])
     depth, score = sweep_depths(coarse, planes, half_range, options)
-    empty = uncorrelated_region(score, _HALO_PX)
+    empty = uncorrelated_region(score, coarse.grey, _HALO_PX)
     depth[background(coarse.grey, empty, _HALO_PX, float(coarse.noise[0]))] = np.nan
     base = local_planes(depth, score, _BASE_RADIUS_PX, 2.5 * coarse.unit)
 
@@ -172,7 +173,7 @@ def sweep_depth_map(
 
 
 def _enlarge(plane: Array, shape: tuple[int, ...]) -> Array:
-    """Depths at a larger size from local planes: each small pixel's plane, evaluated inside it.
+    """Local planes (3, H, W) at a larger size: each small pixel's plane, evaluated inside it.
 
     Nothing is interpolated between two pixels, so no depths between two surfaces are invented.
     """
@@ -182,7 +183,9 @@ def _enlarge(plane: Array, shape: tuple[int, ...]) -> Array:
     iv = np.clip(np.rint(v).astype(np.int64), 0, height - 1)
     iu = np.clip(np.rint(u).astype(np.int64), 0, width - 1)
     z, p, q = plane[:, iv[:, None], iu[None, :]]
-    return np.asarray(z + p * (u - iu)[None, :] + q * (v - iv)[:, None], dtype=np.float32)
+    z = z + p * (u - iu)[None, :] + q * (v - iv)[:, None]
+    p, q = p * (width / shape[1]), q * (height / shape[0])
+    return np.asarray(np.stack([z, p, q]), dtype=np.float32)
 
 
 def _enlarge_mask(mask: Array, shape: tuple[int, ...]) -> Array:

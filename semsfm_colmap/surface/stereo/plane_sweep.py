@@ -10,9 +10,13 @@ import numpy as np
 
 from semsfm_colmap.surface.options import SurfaceOptions
 from semsfm_colmap.surface.stereo.level import Level
-from semsfm_colmap.surface.stereo.sgm_kernels import best_label, semi_global_sum
+from semsfm_colmap.surface.stereo.sgm_kernels import (
+    best_label,
+    semi_global_sum,
+    surface_jumps,
+)
 from semsfm_colmap.surface.stereo.sweep_kernels import MAX_COST, correlation_volume
-from semsfm_colmap.types import Array, Float, Int
+from semsfm_colmap.types import Array, Bool, Float, Int
 
 _MAX_PLANES = 400
 """Bounds the cost volume when the sparse points spread far in depth."""
@@ -27,18 +31,27 @@ def sweep_depths(
 ) -> tuple[Array, Array]:
     """Depth within `half_range` of a base surface, and the best correlation: (H, W) each.
 
-    Correlation volume, semi-global smoothing of the offsets from the base, vertex of the parabola.
-    Only the rectangle with texture is swept; beside it the depth is nan and the correlation 0.
+    Correlation volume, semi-global smoothing of the surface, vertex of the parabola. Only the
+    rectangle with texture is swept; beside it the depth is nan and the correlation 0.
+
+    Parameters
+    ----------
+    level : the reference and its neighbours
+    base : (3, H, W) depths and slopes along x and y, nan where unknown
+    half_range : world units
+    options : step, window
+
     """
     depth = np.full(level.grey.shape, np.nan, dtype=np.float32)
     score = np.zeros(level.grey.shape, dtype=np.float32)
-    rows, columns = _textured(level, base, margin=4 * options.sweep_window_radius_px)
+    rows, columns = _textured(level, base[0], margin=4 * options.sweep_window_radius_px)
     grey = np.ascontiguousarray(level.grey[rows, columns])
-    near = np.array(base[rows, columns])
+    surface = np.array(base[:, rows, columns])
+    near = surface[0]
     known = np.isfinite(near)
     if not known.any():
         return depth, score
-    near[~known] = np.median(near[known])
+    near[:] = _filled(near, known)
     corner = np.array([columns.start, rows.start], dtype=np.float64)
 
     parallax = np.linalg.norm(level.sweep.c, axis=1).max()
@@ -57,17 +70,33 @@ def sweep_depths(
         level.noise,
         _sides(level.sweep.c),
     )
+    step = float(offsets[1] - offsets[0])
     total = semi_global_sum(
-        cost, grey, _SGM_SMALL_STEP, _SGM_JUMP, _SGM_GREY_SHARE * level.contrast
+        cost,
+        grey,
+        surface_jumps(surface, step),
+        _SGM_SMALL_STEP,
+        _SGM_JUMP,
+        _SGM_GREY_SHARE * level.contrast,
     )
-    label = best_label(total)
+    label = best_label(total, len(offsets))
     nearest = np.rint(label).astype(np.int64)[..., None]
     best = np.take_along_axis(cost, nearest, axis=2)[..., 0]
-    near += offsets[0] + label * (offsets[1] - offsets[0])
+    near += offsets[0] + label * step
     near[~known] = np.nan
     depth[rows, columns] = near
     score[rows, columns] = np.where(known, 1.0 - best / np.float32(MAX_COST), 0.0)
     return depth, score
+
+
+def _filled(depth: Array, known: Bool) -> Array:
+    """Unknown depths as the nearest known one: others would enter windows and paths beside them."""
+    from scipy.ndimage import distance_transform_edt
+
+    if known.all():
+        return depth
+    row, column = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(depth[row, column])
 
 
 def _textured(level: Level, base: Array, margin: int) -> tuple[slice, slice]:
