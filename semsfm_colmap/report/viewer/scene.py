@@ -16,6 +16,7 @@ import numpy as np
 
 from semsfm_colmap.geometry.mesh_normals import vertex_normals
 from semsfm_colmap.io.ply import position_type
+from semsfm_colmap.io.terminal import printable_line
 from semsfm_colmap.motion.axis import fit_axis
 from semsfm_colmap.report.camera_frames import (
     View,
@@ -142,7 +143,7 @@ def build_scene(
         header["frames"] = found_frames
         arrays |= of_frames
         if max_picture_bytes > 0:
-            names = [frame["name"] for frame in found_frames]
+            names = [rec.image_names[frame["image"]] for frame in found_frames]
             pictures = series_pictures(names, inputs.viewer.picture, max_picture_bytes)
             for k, picture in enumerate(pictures):
                 if picture is not None:
@@ -151,7 +152,7 @@ def build_scene(
     if axis is not None and len(inputs.series.series_names) == 1:
         header["axis"] = axis.axis_world.tolist()
     header |= {
-        "title": inputs.title,
+        "title": printable_line(inputs.title),
         "unit": unit_text(rec.world_unit),
         "center": (view.center - origin).tolist(),
         "radius": view.radius,
@@ -160,7 +161,7 @@ def build_scene(
         "toward_viewer": (-R[2]).tolist(),
         "views": _views(R),
         "layers": [layer.header() for layer in layers],
-        "labels": {str(k): name for name, k in inputs.viewer.label_names.items()},
+        "labels": {str(k): printable_line(name) for name, k in inputs.viewer.label_names.items()},
     }
     arrays["colormap"] = _colormap()
     return ViewerScene(header=header, arrays=arrays, remarks=remarks)
@@ -253,7 +254,7 @@ def _frames(
     found = [
         {
             "number": int(frames.numbers[k]),
-            "name": frames.names[frames.registered[k]],
+            "name": printable_line(frames.names[frames.registered[k]]),
             "image": int(i),
             "labelled": k in labelled,
             "rotation": rec.cameras.cam_from_world[i].ravel().tolist(),

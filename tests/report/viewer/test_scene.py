@@ -183,6 +183,22 @@ def test_pictures_of_the_series_stay_within_their_room_and_are_all_of_one_size()
     assert series_pictures(list(noise), noise.get, 100) == [None] * 5
 
 
+def test_names_that_turn_the_direction_of_writing_are_shown_as_escapes_and_found_as_they_are():
+    name = "a\u202efit.bad"
+    rec = replace(REC, image_names=(name, *REC.image_names[1:]))
+    read = []
+
+    def picture(asked):
+        read.append(asked)
+        return np.zeros((30, 40), dtype=np.uint8)
+
+    viewer = ViewerInputs(picture=picture, label_names={"x\u202ey": 1})
+    scene = build_scene(replace(make_inputs(rec), viewer=viewer), max_picture_bytes=60_000)
+    assert scene.header["frames"][0]["name"] == "a\\u202efit.bad"
+    assert scene.header["labels"] == {"1": "x\\u202ey"}
+    assert name in read
+
+
 def test_a_mesh_alone_is_shown_and_nothing_makes_no_scene():
     scene = build_scene(make_inputs(empty_reconstruction(0), mesh=cube()))
     assert list(layers(scene)) == ["mesh"]
