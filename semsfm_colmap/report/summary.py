@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from semsfm_colmap.report.number_text import THIN_SPACE, confidence, measured, number
+from semsfm_colmap.report.trust_text import SAME_RANGE
 
 WIDTH = 80
 INDENT = 11
@@ -79,13 +80,14 @@ def _rotation(m: Json) -> Iterator[str]:
     trust = m["reliability"]
     if not trust:
         return
-    sigma = trust["total_rotation_sigma_deg"]
+    total, sigma = trust["total_rotation_deg"], trust["total_rotation_sigma_deg"]
     known = trust.get("total_rotation_sigma_parts_deg") is not None
-    yield (
-        measured(trust["total_rotation_deg"], sigma if known else None)
-        + "°"
-        + ("" if known else ", no error bar")
-    )
+    largest = measured(total, sigma if known else None) + "°" + ("" if known else ", no error bar")
+    turn = m.get("rotation")
+    if turn is None or abs(total - turn["range_deg"]) < SAME_RANGE * turn["range_deg"]:
+        yield largest
+    else:
+        yield f"{number(turn['range_deg'])}° about one axis; between two views at most {largest}"
 
 
 def _hand(sign: Json) -> str:

@@ -34,6 +34,9 @@ DECIDES = 0.9
 """A cue that alone says less does not decide the hand."""
 NOTED_PX = 0.1
 """Drift and drag below this are not worth a sentence."""
+SAME_RANGE = 0.01
+"""Range about the fitted axis and total rotation are the same number up to this share: a full turn
+has a range of 360 and a largest rotation of 180 degrees, and their error bars are not the same."""
 SAID_OF_THE_RUN = ("shading drags features", "the specimen drifted while the frames were scanned")
 """Beginnings of notes of the run whose numbers stand in these sentences."""
 

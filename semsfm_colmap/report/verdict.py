@@ -10,11 +10,8 @@ from semsfm_colmap.report.doubts import find_doubts
 from semsfm_colmap.report.metrics import Metrics
 from semsfm_colmap.report.motion_statistics import RotationMetrics
 from semsfm_colmap.report.number_text import count, fixed, measured, number, unit_text
-from semsfm_colmap.report.trust_text import SAID_OF_THE_RUN, trust_sentences
+from semsfm_colmap.report.trust_text import SAID_OF_THE_RUN, SAME_RANGE, trust_sentences
 
-SAME_RANGE = 0.01
-"""Range about the fitted axis and total rotation are the same number up to this share: a full turn
-has a range of 360 and a largest rotation of 180 degrees, and their error bars are not the same."""
 CHECK_A_LENGTH = (
     "Compare a length that you know, for a formal σ is not an accuracy (`semsfm measure`)."
 )

@@ -70,3 +70,10 @@ def test_a_rotation_without_an_error_bar_says_so():
     none = replace(trusted(), total_rotation_sigma_parts_deg=None)
     text = "\n".join(lines_of(make_inputs(make_reconstruction(ANGLES), reliability=none)))
     assert "36.00 deg, no error bar" in text
+
+
+def test_a_full_turn_is_not_said_to_be_half_of_one():
+    half = replace(trusted(), total_rotation_deg=179.2)
+    inputs = make_inputs(make_reconstruction(np.arange(24) * 15.0), reliability=half)
+    text = "\n".join(lines_of(inputs))
+    assert "rotation 345 deg about one axis; between two views at most 179.20 +- 0.10 deg" in text

@@ -104,6 +104,37 @@ def test_a_specimen_that_turned_a_little_is_another_view(folder: Path, stretch: 
     assert not any("again" in warning for warning in series.warnings)
 
 
+def turned_ball(image: np.ndarray, degrees: float) -> np.ndarray:
+    """What covers a ball that fills the image, after a turn about the vertical axis."""
+    import cv2
+
+    height, width = image.shape
+    y, x = np.mgrid[0:height, 0:width].astype(np.float32)
+    radius2 = ((x - width / 2) / (width / 2)) ** 2 + ((y - height / 2) / (height / 2)) ** 2
+    depth = 0.5 * width * np.sqrt(np.maximum(1.0 - radius2, 0.0))
+    x += (np.sin(np.radians(degrees)) * depth).astype(np.float32)
+    return np.asarray(cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT))
+
+
+@pytest.mark.parametrize("sigma", [6.0, 12.0])
+def test_a_fine_step_about_an_axis_is_another_view_under_noise_too(
+    folder: Path, sigma: float
+) -> None:
+    for i in range(4):
+        save(folder / f"{i}.png", noisy(turned_ball(clean(0), 1.8 * i), i, sigma))
+    assert not any("again" in warning for warning in prepare(folder).warnings)
+
+
+def test_a_view_taken_again_under_other_charge_is_said(folder: Path) -> None:
+    for i in range(3):
+        save(folder / f"{i}.png", noisy(clean(i), i))
+    y, x = np.mgrid[-1:1:160j, -1:1:200j]
+    save(folder / "again.png", noisy(clean(1) * (0.9 + 0.1 * x - 0.05 * y), 17))
+    said = [w for w in prepare(folder).warnings if "again: a frame more of the same view" in w]
+    assert len(said) == 1
+    assert "again.png" in said[0]
+
+
 def test_an_export_without_the_databar_is_a_copy(folder: Path) -> None:
     for i in range(3):
         with_header(folder / f"f{i}.tif", i)
