@@ -151,7 +151,8 @@ def write_depth_map(folder: Path | str, depth_map: DepthMap) -> Path:
     if depth_map.confidence is not None:
         arrays["confidence"] = np.rint(np.clip(depth_map.confidence, 0, 1) * 255).astype(np.uint8)
     if depth_map.sigma is not None:
-        arrays["sigma"] = np.asarray(depth_map.sigma, dtype=np.float16)
+        with np.errstate(over="ignore"):  # what says nothing becomes infinite
+            arrays["sigma"] = np.asarray(depth_map.sigma, dtype=np.float16)
     with file_aside(path) as aside, aside.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
     return path

@@ -122,6 +122,16 @@ def test_a_depth_map_comes_back_with_unknown_pixels_unknown(tmp_path: Path) -> N
     np.testing.assert_allclose(after.confidence, confidence, atol=0.5 / 255 + 1e-6)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_sigma_beyond_half_precision_is_infinite_without_a_word(tmp_path: Path) -> None:
+    depth = np.zeros((2, 2), dtype=np.float32)
+    sigma = np.array([[0.5, 1e6], [np.inf, 3.0]], dtype=np.float32)
+    write_depth_map(tmp_path, DepthMap(image_name="a.png", depth=depth, sigma=sigma))
+    np.testing.assert_array_equal(
+        read_depth_map(tmp_path, "a.png").sigma, [[0.5, np.inf], [np.inf, 3.0]]
+    )
+
+
 def test_a_folder_of_depth_maps_is_read_one_by_one(tmp_path: Path) -> None:
     names = ("b.png", "a.png", "c.png")
     for k, name in enumerate(names):

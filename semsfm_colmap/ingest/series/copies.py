@@ -45,8 +45,8 @@ makes 0.1 of it, and a specimen turned by a degree 0.5 and more."""
 SMOOTHING_PX = 2.0
 MAX_SMOOTH_NOISE, MAX_SMOOTH_CONTRAST = 2.5, 0.03
 """A smoothed difference that is more than so many times its noise, and than that share of the
-contrast, is of another view: a grain turned by 1.7 degrees leaves 22 times and 4 %; taken again with
-a shift, 1 px of drift within the frame and 15 % of uneven brightness 1.6 times and 1 %."""
+contrast, is of another view: a grain turned by 1.7 degrees leaves 22 times and 4 %; taken again
+with a shift, 1 px of drift within the frame and 15 % of uneven brightness 1.6 times and 1 %."""
 MAX_SHIFT = 0.1
 """Shift of a view taken again, relative to the longer side."""
 ALIGN_STEPS = 20
