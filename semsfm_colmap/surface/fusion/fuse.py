@@ -48,6 +48,8 @@ _MAX_SLANT_DEG = 75.0
 """Steeper surface is left to images that see it better."""
 _MIN_FRONTALITY = 0.4
 """A map leaves a pixel to the others when one of them sees its surface this much more frontally."""
+_MAX_WINDOW_SIGMA = 10.0
+"""In units of the tolerance of agreement: windows that say nothing leave what the maps say."""
 
 
 def fuse(
@@ -215,10 +217,14 @@ def _points(
     points += (share * votes.offset[keep])[:, None] * normal
     # mean squared distance of all maps, this one included, to their mean
     spread2 = share * (votes.spread[keep] ** 2 + (1.0 - share) * votes.offset[keep] ** 2)
-    window = None if depth_map.sigma is None else depth_map.sigma[keep] * cosine[keep]
+    unit = depth_map_unit(cameras, image_idx, sizes[image_idx], depth_map)
+    window = None
+    if depth_map.sigma is not None:
+        window = np.minimum(
+            depth_map.sigma[keep] * cosine[keep], _MAX_WINDOW_SIGMA * options.consistency_px * unit
+        )
     variance = matching_variance(np.sqrt(spread2), window, votes.agreeing[keep] + 1.0)
     # nothing is known of a lone depth but that it would have had to agree within the tolerance
-    unit = depth_map_unit(cameras, image_idx, sizes[image_idx], depth_map)
     lone = alone[keep]
     variance[lone] = np.maximum(variance[lone], (0.5 * options.consistency_px * unit) ** 2)
     return np.column_stack([total, points, normal, grey[keep], variance])

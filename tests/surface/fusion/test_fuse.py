@@ -43,6 +43,17 @@ def test_noise_is_averaged_and_sigma_tells_how_much_is_left(
     assert 0.5 * error.std() < np.median(SCALE * cloud.sigma) < 3.0 * error.std()
 
 
+def test_windows_that_say_nothing_leave_what_the_other_maps_say(
+    round_ball: tuple[Reconstruction, list[DepthMap], Path],
+) -> None:
+    reconstruction, maps, folder = round_ball
+    blind = [replace(m, sigma=np.full(m.depth.shape, np.inf, dtype=np.float32)) for m in maps]
+    cloud = fuse(blind, reconstruction, folder, OPTIONS)
+    assert cloud.sigma is not None
+    assert np.isfinite(cloud.sigma).all()
+    assert 1.0 < np.median(SCALE * cloud.sigma) < 10.0
+
+
 def test_a_map_that_nobody_confirms_leaves_no_points(
     round_ball: tuple[Reconstruction, list[DepthMap], Path],
 ) -> None:
